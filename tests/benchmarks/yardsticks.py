@@ -72,7 +72,7 @@ def naive_programme(truth: Floats, estimate: Floats) -> float:
     minimise sum_k <D(k), W(k)> + lambda sum_k |W(k+1) - W(k)| over W(k) >= 0 of size (m+1) x (n+1)
     whose first m rows and first n columns each sum to 1, in units of c^p.
     """
-    import cvxpy as cp  # here: it takes a second, and only this function needs it
+    import cvxpy as cp  # lazy: it takes a second, and only this function needs it
 
     steps, m, n = len(truth), truth.shape[1], estimate.shape[1]
     x, y = _present(truth), _present(estimate)

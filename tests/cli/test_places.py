@@ -342,7 +342,7 @@ def test_heights_of_both_sides_take_part() -> None:
         evaluate(truth, higher, distance="haversine", **metric)
     partly = higher.assign(altitude=[1.0, np.nan, 2.0])
     result = evaluate(truth, partly, distance="geodesic", **metric)
-    assert (result.total, result.judged_on.truth_states) == (0, 3)
+    assert (result.total, result.evaluated_on.truth_states) == (0, 3)
     assert any("estimate has 1 row without (altitude)" in text for text in result.notices)
 
 

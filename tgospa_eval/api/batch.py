@@ -647,7 +647,7 @@ def batch_files(
     notify : callable
         Gets what is made next, and the share that is done.
     """
-    from tgospa_eval.show.batch_page import batch_page  # here: only where it is written
+    from tgospa_eval.show.batch_page import batch_page  # lazy: only where it is written
 
     def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""
@@ -667,6 +667,6 @@ def batch_files(
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.show.charts import pictures  # here: it draws
+    from tgospa_eval.show.charts import pictures  # lazy: it draws
 
     return files | pictures("batch", tables, wanted, notify)

@@ -159,7 +159,7 @@ def evaluate_job(
     That of a gate has the error itself as well, its page, and the lines for the user unless `say`
     gets them at once.
     """
-    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
+    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # lazy: the parent does without
     from tgospa_eval.api.resolve import resolve_request
 
     begin, lines = time.monotonic(), list[str]()
@@ -220,13 +220,13 @@ def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
 def _judged(result: Evaluation, task: JobTask, here: JobTask) -> Row:
     """The page of a pair of a gate, if one is made; its proof is written."""
     if here.folder is not None:
-        from tgospa_eval.show.files import PROOF, proof_files, write_texts  # here: few ask for it
+        from tgospa_eval.show.files import PROOF, proof_files, write_texts  # lazy: few ask for it
 
         texts = proof_files(result, task.options.given)
         write_texts(texts, here.folder, PROOF, force=False, subject=option("proof"))
     if not task.page:
         return {}
-    from tgospa_eval.show.html import page  # here: for folders only
+    from tgospa_eval.show.html import page  # lazy: for folders only
 
     return {"page": page(result, (task.job.truth, task.job.estimate))}
 

@@ -33,9 +33,9 @@ from tgospa_eval.campaign.solver_runs import (
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Effort
+from tgospa_eval.distances import Resources
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
+from tgospa_eval.evaluation.other_metrics import ComputedMetrics, joined, other_metrics
 from tgospa_eval.evaluation.prepare import PreparedPair, prepare
 from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.formats import Reading
@@ -82,7 +82,7 @@ class Compared:
     @cached_property
     def table(self) -> "pd.DataFrame":
         """A row for each estimate, the best first, or for each solver."""
-        import pandas as pd  # here: slow to import
+        import pandas as pd  # lazy: slow to import
 
         if self.document["kind"] == "estimates":
             return pd.DataFrame(estimates_columns(self.document))
@@ -91,7 +91,7 @@ class Compared:
     @cached_property
     def pairs(self) -> "pd.DataFrame":
         """A row for each pair of estimates: the proven order, and the second less the first."""
-        import pandas as pd  # here: slow to import
+        import pandas as pd  # lazy: slow to import
 
         if self.document["kind"] != "estimates" or not self.document["pairs"]:
             return pd.DataFrame()
@@ -319,7 +319,7 @@ def ranked(
     """
     stopwatch = pairs.stopwatch
     found: dict[str, list[RunOutcome]] = {}
-    others: dict[str, list[Others]] = {}
+    others: dict[str, list[ComputedMetrics]] = {}
     count = len(names) * len(runs)
     for done, (name, truth, estimate) in enumerate(
         (name, truth, estimate)
@@ -333,7 +333,7 @@ def ranked(
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             result = solve(prepared, solver, stopwatch)
             if with_:
-                effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
+                effort = Resources(jobs=solver.jobs, stopwatch=stopwatch)
                 beside = other_metrics(prepared, with_, effort, result.proof)
                 others.setdefault(name, []).append(beside)
             made = outcome(path, result, prepared.moments, per_step=per_step)

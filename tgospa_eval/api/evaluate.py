@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural, parsed_size
-from tgospa_eval.distances import Effort
+from tgospa_eval.distances import Resources
 from tgospa_eval.evaluation.by_class import add_up
 from tgospa_eval.evaluation.prepare import AlignedPair, fit, prepare
 from tgospa_eval.evaluation.prove import nested_timings, prove
@@ -244,7 +244,7 @@ def evaluate_pair(
     if request.with_:
         from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
 
-        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
+        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
         others = other_metrics(prepared, request.with_, effort, result.proof)
         result = replace(result, with_=joined([others]), sums=others.sums())
     if slices is not None:

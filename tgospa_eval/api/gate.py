@@ -199,7 +199,7 @@ MOST_CHANGES = 10
 
 def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
     """The first state of a truth that is another one than in a former file."""
-    from tempfile import TemporaryDirectory  # here: truths seldom change
+    from tempfile import TemporaryDirectory  # lazy: truths seldom change
 
     from tgospa_eval.api.evaluate import read_sides
     from tgospa_eval.api.resolve import resolve_request
@@ -352,7 +352,7 @@ def _task(
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
     folder = None
     if gate.proof is not None:
-        from tgospa_eval.show.files import folder_name  # here: few ask for proofs
+        from tgospa_eval.show.files import folder_name  # lazy: few ask for proofs
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
@@ -515,7 +515,7 @@ class GateResult:
     @cached_property
     def findings(self) -> "pd.DataFrame":
         """A row for each rule: value, limit, verdict; of a suite of each pair and group."""
-        import pandas as pd  # here: slow to import
+        import pandas as pd  # lazy: slow to import
 
         records = [
             {**({} if self.result else {"pair": outcome.name}), **finding_record(finding)}

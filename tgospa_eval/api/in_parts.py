@@ -156,7 +156,7 @@ def evaluate_in_parts(
     TgospaError
         Something is wrong with options or data.
     """
-    from tgospa_eval.engines.processes import engine_of  # here: few need it
+    from tgospa_eval.engines.processes import engine_of  # lazy: few need it
     from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 
     jobs = jobs_of(options)
@@ -218,7 +218,7 @@ def is_recording(folder: str, columns: str) -> bool:
     """
     if is_table_folder(folder):
         return False
-    from tgospa_eval.partitioned.input.listing import stored  # here: most evaluations are of files
+    from tgospa_eval.partitioned.input.listing import stored  # lazy: most evaluations are of files
 
     files = [file.path for file, _ in stored(folder)]
     formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}
@@ -295,7 +295,7 @@ def _needed(path: str) -> float:
     if format != "parquet":
         return 0.0
     try:
-        import pyarrow.parquet as pq  # here: for large files only
+        import pyarrow.parquet as pq  # lazy: for large files only
 
         metadata = pq.read_metadata(path)
     except (ModuleNotFoundError, OSError, ValueError):

@@ -98,7 +98,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
     there = list(known)
     for name in given:
         if name not in there:
-            from difflib import get_close_matches  # here: most calls are right
+            from difflib import get_close_matches  # lazy: most calls are right
 
             near = get_close_matches(name, there, 1)
             meant = f"; did you mean {near[0]}?" if near else ""

@@ -62,7 +62,7 @@ def find_place(path: str) -> Place | None:
     pattern = re.search(r"[*?[]", path)
     if pattern is None or os.path.lexists(path):
         return None
-    import glob  # here: most paths are no patterns
+    import glob  # lazy: most paths are no patterns
 
     folder = os.path.dirname(path[: pattern.start()])
     found = sorted(name for name in glob.glob(path) if os.path.isfile(name))
@@ -124,7 +124,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
-    from tgospa_eval.campaign.pairs import layout_of  # here: slow to import, for faults only
+    from tgospa_eval.campaign.pairs import layout_of  # lazy: slow to import, for faults only
 
     layout = layout_of(*paths) if len(names) > 1 else None
     if layout is not None:
@@ -135,7 +135,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
 
 
 def _quoted(path: str) -> str:
-    import shlex  # here: for faults only
+    import shlex  # lazy: for faults only
 
     return shlex.quote(path)
 

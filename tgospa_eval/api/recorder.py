@@ -155,7 +155,7 @@ class Recorder:
 
 def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:
     """Ids as texts, and a copy of the states (n, d); d = 0 if there are none."""
-    from tgospa_eval.formats.frames import id_text  # here: as pandas
+    from tgospa_eval.formats.frames import id_text  # lazy: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
     if not isinstance(listed, (list, tuple)):

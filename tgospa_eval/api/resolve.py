@@ -290,7 +290,7 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
     """What costs are split by, and the columns that this may need."""
     if not options.slices:
         return (), ()
-    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # here: as weights
+    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # lazy: as weights
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
     return slices, columns_asked(slices)
@@ -303,7 +303,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
     asked = options.max_speed is not None or options.ignore_regions is not None
     if not (options.ignore or marks or asked):
         return None
-    from tgospa_eval.evaluation.ignoring import (  # here: as weights
+    from tgospa_eval.evaluation.ignoring import (  # lazy: as weights
         GAPS,
         IN_REGIONS,
         OUTSIDE,
@@ -352,7 +352,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
 def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
     """How to read a truth with all that the rules of a benchmark look at."""
-    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # here: as above
+    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # lazy: as above
 
     rule = str(options.preprocess)
     if not measure.boxes:
@@ -383,7 +383,7 @@ def _form(options: Request, role: str) -> "TimeForm | None":
     given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
     if given == [None, None]:
         return None
-    from tgospa_eval.formats.clocks import TimeForm  # here: as weights
+    from tgospa_eval.formats.clocks import TimeForm  # lazy: as weights
 
     return TimeForm(format=given[0] or "", zone=given[1] or "", role=role)
 
@@ -398,7 +398,7 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
                 "say which is local"
             )
         return None
-    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # here: as weights
+    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # lazy: as weights
 
     truth, estimate = (
         parse_frame(text or "lat,lon", option(f"{role}_crs"))

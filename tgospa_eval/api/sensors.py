@@ -10,7 +10,7 @@ from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import warn_user
-from tgospa_eval.distances import Effort, Reduction
+from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Columns
@@ -98,7 +98,7 @@ def associate_sides(
     resolved: ResolvedRequest,
     sides: tuple[Reading, ...],
     names: tuple[str, ...],
-    effort: Effort,
+    effort: Resources,
     *,
     all_pairs: bool,
 ) -> Association:
@@ -123,7 +123,7 @@ def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
 
 
 def reduce_side(
-    side: Reading, how: Reduction, name: str, effort: Effort
+    side: Reading, how: Reduction, name: str, effort: Resources
 ) -> tuple[Trajectories, Columns]:
     """The clouds of a side with fewer particles, and a row of what changed for each.
 
@@ -215,7 +215,7 @@ def associate(
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
     resolved, names = resolve_request(request), called((a, b), request.sides)
     sides = _read(resolved, (a, b), request.sides, mapping)
-    effort = Effort(jobs=request.jobs)
+    effort = Resources(jobs=request.jobs)
     return associate_sides(resolved, sides, names, effort, all_pairs=all_pairs)
 
 
@@ -261,5 +261,5 @@ def reduce(
     how, resolved = reducing(request, size)
     names = called((side,), ("side",))
     (read,) = _read(resolved, (side,), ("side",), mapping)
-    after, table = reduce_side(read, how, names[0], Effort(jobs=request.jobs))
+    after, table = reduce_side(read, how, names[0], Resources(jobs=request.jobs))
     return after, pd.DataFrame(table)

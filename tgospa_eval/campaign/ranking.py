@@ -61,8 +61,8 @@ from tgospa_eval.show.phrases import RULES, Rule
 from tgospa_eval.show.side_tables import COMPARED
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
+from tgospa_eval.tracks.coverage import DIGESTS, incomparable, judge_alike, judged_of
 from tgospa_eval.tracks.ignored import OWN_MARKS
-from tgospa_eval.tracks.judged import DIGESTS, incomparable, judge_alike, judged_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -200,7 +200,7 @@ class RunOutcome:
     moments, times : (T,) array and list
         The steps, as numbers and as they were read.
     judged : mapping
-        What it was judged on, as `Judged.record`.
+        What it was judged on, as `Coverage.record`.
     against : dict, optional
         Per-step GOSPA.
     split : mapping of str to float

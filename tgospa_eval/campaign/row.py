@@ -77,7 +77,7 @@ def row_of(result: Evaluation) -> Row:
         **{name: getattr(result, name) for name in PARTS},
         **{f"counts.{name}": value for name, value in result.counts.items()},
         **{f"sizes.{name}": value for name, value in result.sizes.items()},
-        **{f"judged.{name}": value for name, value in result.judged_on.row().items()},
+        **{f"judged.{name}": value for name, value in result.evaluated_on.row().items()},
         "sizes.truth_states": truth,
         "sizes.estimate_states": estimates,
         "cutoff": parameters.cutoff,

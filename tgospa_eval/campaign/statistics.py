@@ -112,7 +112,7 @@ def margins(lower: Floats, upper: Floats) -> Floats:
 
 def student(pairs: int) -> float:
     """Quantile of Student's t, two-sided, of so many pairs."""
-    from scipy.special import stdtrit  # here: slow to import
+    from scipy.special import stdtrit  # lazy: slow to import
 
     return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
 

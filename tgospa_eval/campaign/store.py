@@ -101,7 +101,7 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     missing = np.full(parts.shape[1], np.nan)
     steps = {
         "t": list(map(str, table["t"])),
-        "steps": result.judged_on.so_far.astype(np.int32),
+        "steps": result.evaluated_on.so_far.astype(np.int32),
         **dict(zip(PARTS, parts, strict=True)),
         "total": parts.sum(axis=0),
         **{

@@ -115,7 +115,7 @@ def _invoke(arguments: list[str] | None) -> int | None:
 
 def _print_internal(error: Exception) -> None:
     """The traceback of a fault of ours, and a sentence."""
-    import traceback  # here: there should be none
+    import traceback  # lazy: there should be none
 
     print_notices("".join(traceback.format_exception(error)).rstrip("\n"))
     print_notice(f"internal error: {type(error).__name__}: {error}; please report it")

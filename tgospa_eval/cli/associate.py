@@ -22,7 +22,7 @@ from tgospa_eval.formats.registry import FORMATS
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import ResolvedRequest
     from tgospa_eval.api.sensors import Association
-    from tgospa_eval.distances import Effort
+    from tgospa_eval.distances import Resources
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Json
 
@@ -145,7 +145,7 @@ def command(
         probe_folder(output.output, ASSOCIATION, force=force)
     resolved = resolve_request(request)
 
-    def work(effort: "Effort") -> "tuple[Association, dict[str, str]]":
+    def work(effort: "Resources") -> "tuple[Association, dict[str, str]]":
         sides = read_states((a, b), resolved, ("--a-format", "--b-format"), quiet=output.quiet)
         every = "--cost-matrix" in files
         found = associate_sides(resolved, sides, (a, b), effort, all_pairs=every)
@@ -219,11 +219,11 @@ def read_states(
     return sides
 
 
-def run_with_effort(work: "Callable[[Effort], T]", jobs: int | None, *, quiet: bool) -> T:
+def run_with_effort(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
     """Do work that takes so many threads, and show how far it is."""
     from tgospa_eval.cli.shared.progress import new_stopwatch, run
-    from tgospa_eval.distances import Effort
+    from tgospa_eval.distances import Resources
 
     stopwatch = new_stopwatch(quiet=quiet)
-    effort = Effort(jobs=jobs, stopwatch=stopwatch)
+    effort = Resources(jobs=jobs, stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not quiet)

@@ -49,7 +49,7 @@ class Verbs(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
         """What the first word may be: a verb, a file or an option of evaluate."""
-        from click.shell_completion import CompletionItem  # here: few runs are completions
+        from click.shell_completion import CompletionItem  # lazy: few runs are completions
 
         if incomplete.startswith("-"):
             evaluate = self.get_command(ctx, "evaluate")
@@ -98,7 +98,7 @@ def _files_like(begin: str) -> list[str]:
 
     Shells take a name with a blank for several: it is completed from a letter on that no verb has.
     """
-    import os  # here: as above
+    import os  # lazy: as above
 
     try:
         with os.scandir() as entries:
@@ -117,7 +117,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     click.UsageError
         No file has that name, and it is like a verb.
     """
-    from tgospa_eval.cli.shared.command import meant_verb  # here: not needed where a verb is given
+    from tgospa_eval.cli.shared.command import meant_verb  # lazy: not needed where a verb is given
 
     verb = meant_verb(word)
     if verb is not None:

@@ -18,7 +18,7 @@ from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
 from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
-    from tgospa_eval.distances import Effort
+    from tgospa_eval.distances import Resources
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Columns
 
@@ -81,7 +81,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
     how, settings = reducing(request, size)
 
-    def work(effort: "Effort") -> "tuple[Reading, bytes, Columns]":
+    def work(effort: "Resources") -> "tuple[Reading, bytes, Columns]":
         (side,) = read_states((source,), settings, ("--in-format",), quiet=output.quiet)
         after, table = reduce_side(side, how, source, effort)
         return side, TABLES[ending](after), table

@@ -159,7 +159,7 @@ def _shown(value: str | float | bool) -> str:
 
 def _meant(name: str, known: Iterable[str]) -> str:
     """The key that was meant, or all that there are."""
-    from difflib import get_close_matches  # here: most files are right
+    from difflib import get_close_matches  # lazy: most files are right
 
     near = get_close_matches(name, known, 1)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
@@ -193,7 +193,7 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
     ConfigError
         The file cannot be read, or is no TOML.
     """
-    import tomllib  # here: most runs have no such file
+    import tomllib  # lazy: most runs have no such file
 
     if content is None:
         content = read_bytes(path, ConfigError)

@@ -10,7 +10,7 @@ from tgospa_eval.text import option, quoted
 
 def _pyproj(what: str) -> Any:
     try:
-        import pyproj  # here: of an extra
+        import pyproj  # lazy: of an extra
     except ImportError:
         raise ConfigError(f"{what} needs the extra geo: {install('geo')}") from None
     return pyproj

@@ -143,7 +143,7 @@ class _Signature:
     """What help() shows of the arguments of a class, made when it asks."""
 
     def __get__(self, record: object, cls: Any) -> Any:
-        from inspect import signature  # here: nearly nobody asks
+        from inspect import signature  # lazy: nearly nobody asks
 
         if record is not None:  # one that can be called has another
             raise AttributeError("__signature__")

@@ -111,7 +111,7 @@ def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterat
     if threads <= 1:
         yield from map(work, items)
         return
-    from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
+    from concurrent.futures import ThreadPoolExecutor  # lazy: most runs do without
 
     left = iter(items)
     with ThreadPoolExecutor(threads) as pool:

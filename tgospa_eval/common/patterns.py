@@ -92,7 +92,7 @@ def meant(
     inside : callable
         Names of the runs in a file.
     """
-    from tgospa_eval.common.manifest import results_in  # here: reading one pair does without
+    from tgospa_eval.common.manifest import results_in  # lazy: reading one pair does without
 
     real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
 
@@ -158,7 +158,7 @@ def _slashed(path: str) -> str:
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
     """What `found` gives, also of names that begin with a dot where the pattern has a field."""
-    import glob  # here: the name of a file is no pattern
+    import glob  # lazy: the name of a file is no pattern
 
     file, variable = _split(pattern)
     parts = re.split(FIELD, file)  # text, name, text, name, ..., text

@@ -75,7 +75,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
         raise
     finally:
         if beside.is_dir():
-            import shutil  # here: it brings compression
+            import shutil  # lazy: it brings compression
 
             shutil.rmtree(beside, ignore_errors=True)
         else:

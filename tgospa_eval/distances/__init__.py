@@ -11,8 +11,8 @@ from tgospa_eval.distances.registry import DISTANCES
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.distances.base import Distance as Distance
-    from tgospa_eval.distances.base import Effort as Effort
     from tgospa_eval.distances.base import Pairs as Pairs
+    from tgospa_eval.distances.base import Resources as Resources
     from tgospa_eval.distances.boxes import IoU as IoU
     from tgospa_eval.distances.clouds.distance import CloudWasserstein as CloudWasserstein
     from tgospa_eval.distances.clouds.distance import PairCloudWasserstein as PairCloudWasserstein
@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
 _HOME = {
     "CloudWasserstein": "clouds.distance",
     "Distance": "base",
-    "Effort": "base",
+    "Resources": "base",
     "GaussianWasserstein": "gaussian",
     "Geodesic": "geodesic",
     "Haversine": "sphere",

@@ -60,7 +60,7 @@ Sides = tuple[Trajectories, Trajectories]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Effort:
+class Resources:
     """How to do what takes long.
 
     Parameters
@@ -186,7 +186,7 @@ class Distance(ABC):
         """With what settings leave to the data of the run."""
         return self
 
-    def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, "Distance"]:
+    def prepared(self, sides: Sides, effort: Resources) -> tuple[Sides, "Distance"]:
         """Both sides as they are compared, and the distance that compares those."""
         return sides, self
 
@@ -194,7 +194,7 @@ class Distance(ABC):
         """The search is for pairs whose `between` is less than this."""
         return cutoff
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
         """Near pairs among those that the search found, where `between` is a bound."""
         return pairs
 
@@ -298,7 +298,7 @@ def exactly_nearer(
     decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
     """Mask of nearer pairs, (N,): of a closed form, which `decide` evaluates in rationals."""
-    from fractions import Fraction  # here: slow to import, and few pairs are at the cutoff
+    from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
     nearer: Mask = pairs.distance < cutoff
     margin = distance.margin(sides, float(cutoff.max(initial=0.0)))

@@ -48,7 +48,7 @@ class IoU(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
-        from fractions import Fraction  # here: as in `exactly_nearer`
+        from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             shared = Fraction(1)

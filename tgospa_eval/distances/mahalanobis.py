@@ -12,8 +12,8 @@ from tgospa_eval.distances.base import (
     REACH_ROUNDING,
     Distance,
     DistanceSettings,
-    Effort,
     Pairs,
+    Resources,
     Sides,
     check_length,
     pair_named,
@@ -220,7 +220,7 @@ class PairMahalanobis(Distance):
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
         """The same, if no covariance of a pair is singular.
 
         Raises

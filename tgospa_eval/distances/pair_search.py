@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, concatenated, index_type
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
-from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
+from tgospa_eval.distances.base import Distance, Pairs, Resources, Sides
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.kernels import kernels
@@ -295,7 +295,7 @@ def _tree(
     Axes are scaled by powers of two, which is exact, and so that no square overflows. Where their
     reaches differ, that leaves them up to twice as wide as need be.
     """
-    from scipy.spatial import KDTree  # here: most evaluations do without SciPy
+    from scipy.spatial import KDTree  # lazy: most evaluations do without SciPy
 
     radius, exponent = np.frexp(reach)
     trees = []
@@ -322,19 +322,19 @@ def near_pairs(
     estimate: Trajectories,
     cutoff: float,
     distance: Distance,
-    effort: Effort | None = None,
+    effort: Resources | None = None,
 ) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`, in one thread unless `effort` says more.
 
     Both must be on the same times.
     """
-    effort = effort or Effort(jobs=1)
+    effort = effort or Resources(jobs=1)
     sides, distance = distance.prepared((truth, estimate), effort)
     return prepared_pairs(sides, cutoff, distance, effort)
 
 
 def prepared_pairs(
-    sides: Sides, cutoff: float, distance: Distance, effort: Effort, *, margin: float = 0.0
+    sides: Sides, cutoff: float, distance: Distance, effort: Resources, *, margin: float = 0.0
 ) -> Pairs:
     """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready.
 
@@ -345,7 +345,7 @@ def prepared_pairs(
 
 
 def _prepared_pairs(
-    sides: Sides, cutoff: float, distance: Distance, effort: Effort, margin: float
+    sides: Sides, cutoff: float, distance: Distance, effort: Resources, margin: float
 ) -> Pairs:
     truth, estimate = sides
     cutoff = max(cutoff, min(cutoff + margin, distance.largest))

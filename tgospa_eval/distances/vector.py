@@ -80,7 +80,7 @@ class Norm(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
-        from fractions import Fraction  # here: as in `exactly_nearer`
+        from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             sizes = [abs(x - y) for x, y in zip(a, b, strict=True)]

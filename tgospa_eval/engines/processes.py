@@ -39,7 +39,7 @@ class Processes:
     @contextmanager
     def open(self, most: int) -> Iterator["Local"]:
         """Processes that end at once when the work is broken off."""
-        from joblib.externals.loky import ProcessPoolExecutor  # here: slow to import
+        from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
         # Of a pool that is broken off the process that looks after its locks would complain.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
@@ -125,7 +125,7 @@ def _begin(share: int | None, parent: int) -> None:
     Who that is has to be told: it may be gone already.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from joblib.externals.loky import process_executor  # here: slow to import
+    from joblib.externals.loky import process_executor  # lazy: slow to import
 
     # Loky takes it for a leak when a worker has grown by 0.3 GB; large jobs do, and the limit is
     # ours to set. Where it has no such number, nothing happens.

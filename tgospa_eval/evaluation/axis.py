@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance, Effort, Pairs
+from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -32,7 +32,7 @@ SILENCE = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Silences:
+class Outages:
     """Where the estimate has no state within the cutoff of a truth.
 
     Parameters
@@ -67,7 +67,7 @@ class Axis:
         Which side was interpolated, and what that took.
     left_out : pair of int
         Rows at stamps that are no declared steps.
-    silences : Silences, optional
+    outages : Outages, optional
         Of the estimate, where the truth is interpolated.
     held : Held, optional
         Reports of the estimate on a common clock.
@@ -77,7 +77,7 @@ class Axis:
     horizon: Trajectories
     made: "tuple[tuple[str, Interpolated], ...]" = ()
     left_out: tuple[int, int] = (0, 0)
-    silences: Silences | None = None
+    outages: Outages | None = None
     held: "Held | None" = None
 
 
@@ -115,7 +115,7 @@ def on_axis(
     if matching.interpolate:
         axis = _interpolated(axis, matching, distance, names, cutoff, across)
     if matching.steps is not None:
-        from tgospa_eval.tracks.interpolation import at_ticks  # here: few want it
+        from tgospa_eval.tracks.interpolation import at_ticks  # lazy: few want it
 
         ticks = _stamped(matching.steps.ticks(), axis.horizon, matching.steps.clock)
         first, second = (
@@ -133,13 +133,13 @@ def on_axis(
 def charged(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
 ) -> Axis:
-    """With the silences of the estimate, where its stamps say which steps of the truth count."""
-    if not matching.of_estimate or axis.silences is not None or matching.interpolate == "truth":
+    """With the outages of the estimate, where its stamps say which steps of the truth count."""
+    if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
     first, second = axis.sides
     _, near = _near(first, second, matching, distance, cutoff)
     found = np.unique(second.times[second.step[near.estimate_row]])
-    return replace(axis, silences=_silences(first, second, found, matching, names))
+    return replace(axis, outages=_silences(first, second, found, matching, names))
 
 
 def _resampled(
@@ -170,7 +170,7 @@ def _resampled(
     )
     made, estimate, held = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
-        from tgospa_eval.tracks.interpolation import hold  # here: few want it
+        from tgospa_eval.tracks.interpolation import hold  # lazy: few want it
 
         def truth_at(side: Trajectories) -> Trajectories:
             return replace_times(make(side).side, side)
@@ -211,18 +211,18 @@ def _interpolated(
         distance=distance,
         names=(names[which], names[1 - which]),
     )
-    made, silences = make(other), None
+    made, outages = make(other), None
     if which == 0:
         pair, near = _near(made.side, other, matching, distance, cutoff)
         found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
-        silences = _silences(side, other, found, matching, names)
-        charged = silences.ticks if silences is not None and silences.charged else other.times[:0]
+        outages = _silences(side, other, found, matching, names)
+        charged = outages.ticks if outages is not None and outages.charged else other.times[:0]
         if len(charged):
             other = _stamped(np.union1d(other.times, charged), other, other.clock, side)
         if len(charged) or across:
             made = make(other, across=across)
     sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
-    return replace(axis, sides=sides, made=((str(matching.interpolate), made),), silences=silences)
+    return replace(axis, sides=sides, made=((str(matching.interpolate), made),), outages=outages)
 
 
 def _made(
@@ -234,7 +234,7 @@ def _made(
     names: tuple[str, str],
     across: str = "",
 ) -> "Interpolated":
-    from tgospa_eval.tracks.interpolation import interpolated  # here: few want it
+    from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
         side.seen_as(("gaussian", *distance.kinds)),  # of these there may be a NEES
@@ -256,7 +256,7 @@ def _near(
 ) -> tuple[Alignment, Pairs]:
     """Both sides on the steps of either, and the pairs of rows within the cutoff."""
     pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
-    effort = Effort(jobs=1, stopwatch=Stopwatch())
+    effort = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
     sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
     return pair, prepared_pairs(sides, cutoff, prepared, effort)
@@ -268,7 +268,7 @@ def _silences(
     found: Times,
     matching: TimeMatching,
     names: tuple[str, str],
-) -> Silences | None:
+) -> Outages | None:
     """Intervals between the stamps at which the estimate found a truth.
 
     From the truth's first stamp to its last, longer than `TimeMatching.outage`, or than `SILENCE`
@@ -291,7 +291,7 @@ def _silences(
     # A stamp of the truth is in the interval that ends with or after it.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
-    return Silences(
+    return Outages(
         lengths=lengths[silent],
         ticks=own[inside],
         states=int(np.count_nonzero(inside[truth.step])),
@@ -305,7 +305,7 @@ def _stamped(
     """Steps without rows; times are shown as those of `like` and `labelled` are, or as ISO."""
     labels = None
     if clock != "number":
-        from tgospa_eval.tracks.conversion import iso  # here: as above
+        from tgospa_eval.tracks.conversion import iso  # lazy: as above
 
         labels = np.empty(len(times), dtype=object)
         known = {

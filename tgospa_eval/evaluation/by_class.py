@@ -132,16 +132,16 @@ def add_up(
             side: _joined_input(file, {name: part.input[side] for name, part in results.items()})
             for side, file in zip(("truth", "estimate"), files, strict=True)
         },
-        judged_on=replace(
-            first.judged_on,
-            truth_states=sum(part.judged_on.truth_states for part in parts),
+        evaluated_on=replace(
+            first.evaluated_on,
+            truth_states=sum(part.evaluated_on.truth_states for part in parts),
             truth_steps=len(
                 np.unique(np.concatenate([part.proof.states.problem.truth_step for part in parts]))
             ),
             truth_sha256=_joined_digest(
-                (name, part.judged_on.truth_sha256)
+                (name, part.evaluated_on.truth_sha256)
                 for name, part in results.items()
-                if part.judged_on.truth_states
+                if part.evaluated_on.truth_states
             ),
         ),
         version=first.version,

@@ -13,9 +13,9 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Limit, Progress, Stopwatch
 from tgospa_eval.evaluation.endings import (
-    Alone,
-    Continued,
-    Endings,
+    ContinuedPrefixes,
+    SeparateStretches,
+    Suffixes,
     unpaired_by_step,
     whole_blocks,
 )
@@ -73,7 +73,7 @@ def trace(
     bracket = _Brackets(cells=cells, parts=parts, least=least, error=error, gap=solver.gap)
     bracket.open[ends] = False  # a whole block: the solver has had its chance
     if bracket.open.any():
-        endings, saved = Endings(states, weights), save_solution(states, weights, prices)
+        endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         from_begin = states.transposed.copy()
         for part in reduced:
             from_begin |= part.blocks
@@ -137,7 +137,7 @@ class _Brackets:
 
 def _narrow(
     brackets: _Brackets,
-    endings: Endings,
+    endings: Suffixes,
     found: PrefixBounds,
     saved: SavedSolution,
     from_begin: Mask,
@@ -156,7 +156,7 @@ def _narrow(
         first = cells.begin[block]
         begin = np.maximum(end + 1 - span, first)
         begin = np.where((begin - first < span // 2) | from_begin[block], first, begin)
-        continued = Continued(endings, found, saved)
+        continued = ContinuedPrefixes(endings, found, saved)
         for whole in (False, True):
             at = np.flatnonzero((begin == first) == whole)
             at = at[np.argsort(begin[at], kind="stable")]
@@ -171,7 +171,7 @@ def _narrow(
                 timed = _for_the_rest(solver, limit)
                 asked = block[own], begin[own], end[own]
                 if whole:
-                    alone = Alone(endings, saved, *asked).solve(*timed)
+                    alone = SeparateStretches(endings, saved, *asked).solve(*timed)
                     brackets.take(cell[own], *alone)
                 else:
                     brackets.take(*continued.solve(*asked, *timed))
@@ -236,13 +236,13 @@ def slide(
     found[:, complete] = np.vstack(_of_blocks(states, weights, prices, reduced, block))
     rest = np.setdiff1d(np.arange(len(stretches.block)), complete)
     if len(rest):
-        endings, saved = Endings(states, weights), save_solution(states, weights, prices)
+        endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         limit = Limit.of(solver.time_limit, progress or Progress())
         done = 0
         for group in endings.groups(*stretches.some(rest)):
             limit.progress.again("the windows", done / len(rest))
             own = rest[group]
-            alone = Alone(endings, saved, *stretches.some(own))
+            alone = SeparateStretches(endings, saved, *stretches.some(own))
             found[:, own] = np.vstack(_solved(alone, solver, limit))
             done += len(own)
     return _added(problem, unpaired_by_step(states), found, stretches, spans)
@@ -310,7 +310,9 @@ def _of_blocks(
     return parts[:, ends], whole_blocks(states, prices, reduced)[block], error[ends]
 
 
-def _solved(alone: Alone, solver: Certified, limit: Limit) -> tuple[Floats, Floats, Floats]:
+def _solved(
+    alone: SeparateStretches, solver: Certified, limit: Limit
+) -> tuple[Floats, Floats, Floats]:
     """Costs by kind, lower bound and error, as narrow as asked if time allows."""
     held = alone.held()
     parts, lower, error = held

@@ -143,7 +143,7 @@ class SuffixProblem:
         return np.flatnonzero(at)
 
 
-class Endings:
+class Suffixes:
     """Endings of beginnings of a problem that has the assignment `weights` (S,), in 1/ONE."""
 
     def __init__(self, states: States, weights: Ints) -> None:
@@ -313,12 +313,12 @@ def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
 # What is proven of beginnings by solving their endings (docs/theory/solvers.md, "The curve").
 
 
-class Alone:
+class SeparateStretches:
     """Stretches of steps of blocks, each a problem of its own; many side by side.
 
     Parameters
     ----------
-    endings : Endings
+    endings : Suffixes
         Of the whole.
     saved : SavedSolution
         Its solution.
@@ -327,7 +327,7 @@ class Alone:
     """
 
     def __init__(
-        self, endings: Endings, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
+        self, endings: Suffixes, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
     ) -> None:
         self.cut = endings.cut(block, begin, end, Before.nothing())
         self.states = merge_runs(self.cut.problem)
@@ -369,14 +369,14 @@ class Alone:
         return parts, bound, _rounding(states, parts, cut.length)
 
 
-class Continued:
+class ContinuedPrefixes:
     """Beginnings that are as the whole has them before some step, and are solved from there on.
 
     They are to be asked for in the order of these steps.
 
     Parameters
     ----------
-    endings : Endings
+    endings : Suffixes
         Of the whole.
     found : PrefixBounds
         What its solution proves of all beginnings.
@@ -384,7 +384,7 @@ class Continued:
         That solution.
     """
 
-    def __init__(self, endings: Endings, found: PrefixBounds, saved: SavedSolution) -> None:
+    def __init__(self, endings: Suffixes, found: PrefixBounds, saved: SavedSolution) -> None:
         self.endings, self.found, self.saved = endings, found, saved
         moves = found.moves
         self._none, self._reached = np.zeros(len(moves.rows)), np.zeros(len(moves.row))
@@ -396,7 +396,8 @@ class Continued:
     ) -> tuple[Ints, Floats, Floats, Floats]:
         """Solve endings, none of which begins with its block.
 
-        Of all steps in them: cells, some perhaps several times, and what `Alone.solve` returns.
+        Of all steps in them: cells, some perhaps several times, and what
+        `SeparateStretches.solve` returns.
         """
         before, rest = self._before(block, begin, end)
         cut = self.endings.cut(block, begin, end, before)

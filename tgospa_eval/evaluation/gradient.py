@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
-from tgospa_eval.distances import CloudWasserstein, Distance, Effort, Pairs
+from tgospa_eval.distances import CloudWasserstein, Distance, Pairs, Resources
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import PairEvaluation, source_of
 from tgospa_eval.evaluation.prepare import AlignedPair
@@ -74,7 +74,7 @@ def _moved(
     clouds = sides[1].clouds
     by_particle = distance.particle_slopes(pairs, sides)
     if by_particle is None:
-        prepared, measure = distance.prepared(sides, Effort())
+        prepared, measure = distance.prepared(sides, Resources())
         slopes = (change * measure.slopes(pairs, prepared)).T
         return _sums(pairs.estimate_row, slopes, len(sides[1].step)), None, None
     if isinstance(distance, CloudWasserstein) and distance != given:

@@ -18,7 +18,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Distance, Effort, Pairs
+from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
@@ -66,7 +66,7 @@ Found = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Others:
+class ComputedMetrics:
     """Other metrics of one evaluation, in the form in which several can be joined.
 
     Parameters
@@ -96,13 +96,13 @@ class Others:
         return sums
 
 
-def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Others:
+def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
     """Other metrics in the form in which they can be joined, but for GOSPA.
 
     Parameters
     ----------
     sums : mapping
-        As of `Others.sums`, perhaps among others.
+        As of `ComputedMetrics.sums`, perhaps among others.
     names : iterable of str
         Metrics of TrackEval that are in it.
     zero : float
@@ -115,12 +115,12 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Other
         }
         for name in names
     }
-    return Others(found=found, gospa=None, zero=zero)
+    return ComputedMetrics(found=found, gospa=None, zero=zero)
 
 
 def other_metrics(
-    prepared: PreparedPair, names: Sequence[str], effort: Effort, proof: PairProof | None = None
-) -> Others:
+    prepared: PreparedPair, names: Sequence[str], effort: Resources, proof: PairProof | None = None
+) -> ComputedMetrics:
     """Metrics by name, of two sides as they are compared.
 
     Where states are not judged, those of TrackEval are without them: see `problem.readout`.
@@ -131,7 +131,7 @@ def other_metrics(
         The problem; filters, grid and joined stamps hold for these metrics as well.
     names : sequence of str
         Of `evaluation.request.OTHER_METRICS`.
-    effort : Effort
+    effort : Resources
         How to search for pairs, and the clock.
     proof : PairProof, optional
         The assignment that says which estimates follow ignored truths.
@@ -159,10 +159,10 @@ def other_metrics(
             data = _sequence(sides, prepared.distance, zero, effort, prepared.held)
             found = {name: _metric(name).eval_sequence(data) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
-    return Others(found=found, gospa=gospa, zero=zero)
+    return ComputedMetrics(found=found, gospa=gospa, zero=zero)
 
 
-def joined(others: Sequence[Others]) -> OtherMetrics:
+def joined(others: Sequence[ComputedMetrics]) -> OtherMetrics:
     """The record of one evaluation, or of several as one.
 
     Several are joined as TrackEval joins sequences: matches are counted over all of them, and what
@@ -206,7 +206,7 @@ def _gospa(prepared: PreparedPair) -> dict[str, float]:
 def _metric(name: str) -> Any:
     """The metric of TrackEval; it prints as it is imported where libraries are missing."""
     with redirect_stdout(io.StringIO()):
-        from trackeval.metrics import CLEAR, HOTA, Identity  # here: of an extra
+        from trackeval.metrics import CLEAR, HOTA, Identity  # lazy: of an extra
     if name == "hota":
         return HOTA()
     make: Callable[[dict[str, object]], Any] = CLEAR if name == "clear" else Identity
@@ -220,7 +220,7 @@ class _Similarities:
     """
 
     def __init__(
-        self, sides: Sides, distance: Distance, zero: float, effort: Effort, held: Held | None
+        self, sides: Sides, distance: Distance, zero: float, effort: Resources, held: Held | None
     ) -> None:
         self.sides, self.zero = sides, zero
         self.starts = [starts_of_steps(side) for side in self.sides]
@@ -254,7 +254,7 @@ class _Similarities:
 
 
 def _sequence(
-    sides: Sides, distance: Distance, zero: float, effort: Effort, held: Held | None
+    sides: Sides, distance: Distance, zero: float, effort: Resources, held: Held | None
 ) -> dict[str, object]:
     """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
     similarities = _Similarities(sides, distance, zero, effort, held)

@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance, Effort, Pairs
+from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
@@ -33,9 +33,9 @@ from tgospa_eval.results.proof import ComparedSides
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
+from tgospa_eval.tracks.coverage import Coverage, digest, judge, unsigned_zeros, whole
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
-from tgospa_eval.tracks.judged import Judged, digest, judge, unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class MeasuredSides(ComparedSides):
 
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
-    recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
+    recorded: Callable[[], tuple[Mapping[str, Json], Coverage]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
 
@@ -197,7 +197,7 @@ class NearPairs:
         request: EvaluationRequest,
         distance: Distance,
         cutoff: float,
-        effort: Effort,
+        effort: Resources,
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
@@ -328,7 +328,7 @@ def measure(
     distance, aligned = sides.distance, sides.alignment
 
     @cache
-    def recorded() -> tuple[dict[str, Json], Judged]:
+    def recorded() -> tuple[dict[str, Json], Coverage]:
         with stopwatch.span("report"):
             return _recorded(sides, request, files)
 
@@ -345,7 +345,7 @@ def measure(
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
-        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
+        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
         near = NearPairs.of(aligned, request, distance, cutoff, effort)
         truth, estimate = near.sides
     weights = None
@@ -390,7 +390,7 @@ def with_far_pairs(
     distance: Distance,
     cutoff: tuple[float, float],
     reach: Floats,
-    effort: Effort,
+    effort: Resources,
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
 
@@ -433,7 +433,7 @@ def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
 
 def _recorded(
     sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
-) -> tuple[dict[str, Json], Judged]:
+) -> tuple[dict[str, Json], Coverage]:
     """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
@@ -492,11 +492,11 @@ def fit(
         near = request.time_matching.near
         truth = request.ignoring.ignore_inside(truth, near, names[0])
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
-    silent = axis.silences.ticks if axis.silences is not None and axis.silences.charged else None
+    silent = axis.outages.ticks if axis.outages is not None and axis.outages.charged else None
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.held is not None:
         aligned = replace(aligned, held=axis.held)
-    if time_matching.of_estimate:  # its stamps, and those of its silences, are the horizon
+    if time_matching.of_estimate:  # its stamps, and those of its outages, are the horizon
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(

@@ -269,7 +269,7 @@ def _on(neutral: Mask, match: Ints) -> Mask:
 
 def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
     """The row of the truth that each row of the estimate matches; -1 for none."""
-    from scipy.optimize import linear_sum_assignment  # here: slow to import
+    from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
     aligned = align(truth.trajectories, estimate.trajectories, TimeMatching(), names)
     sides = aligned.truth, aligned.estimate

@@ -71,13 +71,13 @@ def prove(
     whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
     known = solution.reduced, stopwatch.progress
     if request and request.curve:
-        from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
+        from tgospa_eval.evaluation.curve import trace  # lazy: only when it is asked for
 
         with stopwatch.span("curve"):
             traced = trace(*whole, *known)
     if request and request.sliding is not None:
         sliding = request.sliding
-        from tgospa_eval.evaluation.curve import slide  # here: only when it is asked for
+        from tgospa_eval.evaluation.curve import slide  # lazy: only when it is asked for
 
         with stopwatch.span("windows"):
             slid = slide(*whole, sliding.spans(prepared.moments), *known)
@@ -91,7 +91,7 @@ def prove(
         split = {name: float(costs.sum()) for name, costs in assigned.items()} or None
         nees = None
         if prepared.estimate_covariance is not None:
-            from tgospa_eval.evaluation.consistency import pair_nees  # here: few have covariances
+            from tgospa_eval.evaluation.consistency import pair_nees  # lazy: few have covariances
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)
     recorded, judged = prepared.recorded()
@@ -111,7 +111,7 @@ def prove(
         solver=solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
         input=recorded,
-        judged_on=judged,
+        evaluated_on=judged,
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,

@@ -50,7 +50,7 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     """
     if given is None:
         return None
-    from tgospa_eval.formats.regions import of_geojson, of_rows, read_regions  # here: few have any
+    from tgospa_eval.formats.regions import of_geojson, of_rows, read_regions  # lazy: few have any
 
     if is_path(given):
         found = read_regions(os.fspath(given), decimal)
@@ -93,7 +93,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
         if not found.shapes:
             raise InputError(f"{found.name}: there is no region, so that no row would be left")
         return found
-    from tgospa_eval.formats.regions import of_rows  # here: few have any
+    from tgospa_eval.formats.regions import of_rows  # lazy: few have any
 
     row = [part.strip() for part in numbers.split(",")]
     header = SHAPES[CAP if earth else CIRCLE]
@@ -344,7 +344,7 @@ def _polygon(shape: Shape, *, turned: bool = False) -> Any:
 
 def _shapely() -> Any:
     try:
-        import shapely  # here: of an extra
+        import shapely  # lazy: of an extra
     except ModuleNotFoundError:
         raise ConfigError(
             f"{option('ignore_regions')}: polygons need the extra regions: {install('regions')}"
@@ -354,7 +354,7 @@ def _shapely() -> Any:
 
 def _text(value: Any) -> str:
     """A value of a table as a file has it; a list of corners as ``x y; x y``."""
-    import pandas as pd  # here: files do without
+    import pandas as pd  # lazy: files do without
 
     if isinstance(value, list | tuple | np.ndarray):
         return "; ".join(" ".join(str(float(part)) for part in pair) for pair in value)

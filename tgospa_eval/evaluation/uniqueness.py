@@ -136,7 +136,7 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach
-    from tgospa_eval.solvers.dual_ascent import Ascent  # here: as the solvers are
+    from tgospa_eval.solvers.dual_ascent import Ascent  # lazy: as the solvers are
 
     blocks = np.ones(len(states.block_begin), bool)
     ascent = Ascent(

@@ -163,7 +163,7 @@ def array_rows(
     InputError
         Sizes do not fit each other, or fit in several ways; or see `formats.read`.
     """
-    import pandas as pd  # here: other formats do without
+    import pandas as pd  # lazy: other formats do without
 
     from tgospa_eval.formats.frames import frame_rows
 

@@ -90,7 +90,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
-        from tgospa_eval.formats.particles import gather  # here: most states are points
+        from tgospa_eval.formats.particles import gather  # lazy: most states are points
 
         particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
     _keep_region(rows, options, particles, choice)
@@ -363,12 +363,12 @@ def _grid(
     """
     times = rows.times
     if options.day_begins is not None:
-        from tgospa_eval.formats.clocks import carried  # here: few want it
+        from tgospa_eval.formats.clocks import carried  # lazy: few want it
 
         times = carried(times, options.day_begins, rows.name)
     moments, step = _number_times(times.value)
     if options.day_begins is None and rows.whole and len(moments) and _fills_half_a_day(moments):
-        from tgospa_eval.formats.clocks import over_midnight  # here: as above
+        from tgospa_eval.formats.clocks import over_midnight  # lazy: as above
 
         anew = over_midnight(times, moments, rows.ids[1])
         if anew is not None:

@@ -68,7 +68,7 @@ class TimeForm:
                 f"since 1970, or {GPS} for weeks and seconds"
             )
         if self.zone:
-            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # here: as pandas
+            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # lazy: as pandas
 
             try:
                 ZoneInfo(self.zone)
@@ -109,7 +109,7 @@ class TimeForm:
         return int(exact.to_integral_value())
 
     def _formatted(self, column: Coded) -> Times:
-        import pandas as pd  # here: most times are numbers or ISO
+        import pandas as pd  # lazy: most times are numbers or ISO
 
         try:
             parsed = pd.to_datetime(
@@ -152,7 +152,7 @@ class TimeForm:
         """
         if not self.zone or times.clock != "local":
             return times
-        import pandas as pd  # here: as above
+        import pandas as pd  # lazy: as above
 
         value, code = np.unique(times.value, return_inverse=True)
         local = pd.Series(value.astype("datetime64[ns]"))

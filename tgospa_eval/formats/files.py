@@ -111,7 +111,7 @@ def _read_file(
         with FORMATS.blamed(chosen, InputError, f"{name}: "):
             rows = reader(name, content, options, role, given=format is not None)
             if not isinstance(rows, Rows):
-                from tgospa_eval.formats.frames import table_rows  # here: pandas is slow to import
+                from tgospa_eval.formats.frames import table_rows  # lazy: pandas is slow to import
 
                 rows = table_rows(rows, options, name)
         del content

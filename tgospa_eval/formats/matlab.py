@@ -157,7 +157,7 @@ EMPTY = "MATLAB_empty"
 def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables]:
     """Variables by name, to be read while the context lasts."""
     try:
-        import h5py  # here: the extra may be missing, and other formats do without
+        import h5py  # lazy: the extra may be missing, and other formats do without
     except ModuleNotFoundError:
         raise ConfigError(
             f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "

@@ -321,7 +321,7 @@ def read_object(
     """
     frame = as_frame(side, name)
     if frame is not None:
-        from tgospa_eval.formats.frames import from_frame  # here: pandas
+        from tgospa_eval.formats.frames import from_frame  # lazy: pandas
 
         return by_place(lambda how: replace(from_frame(frame, how, name=name), format=""), options)
     rows = None
@@ -403,7 +403,7 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     if not hasattr(side, "__arrow_c_stream__"):
         return None
     try:
-        import pyarrow as pa  # here: the extra may be missing, and pandas does without
+        import pyarrow as pa  # lazy: the extra may be missing, and pandas does without
     except ModuleNotFoundError:
         raise ConfigError(
             f"{name}: tables that are not of pandas need the extra parquet: "
@@ -545,7 +545,7 @@ def from_rows(
     InputError
         A state is infinite, or an id is none, is there twice, or twice at a time.
     """
-    from tgospa_eval.formats.frames import id_text  # here: as pandas
+    from tgospa_eval.formats.frames import id_text  # lazy: as pandas
     from tgospa_eval.formats.rows import number_ids
 
     table, number = number_ids([id_text(value, name) for value in ids])
@@ -609,7 +609,7 @@ def times_of(moments: object, name: str) -> "Times":
     InputError
         One is no time, or they are of several kinds.
     """
-    import pandas as pd  # here: arrays and files do without
+    import pandas as pd  # lazy: arrays and files do without
 
     from tgospa_eval.formats.frames import frame_times
 
@@ -671,7 +671,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
         from tgospa_eval.formats.text.small import read_step_weights
 
         return read_step_weights(os.fspath(given), decimal)
-    import pandas as pd  # here: files do without
+    import pandas as pd  # lazy: files do without
 
     if isinstance(given, pd.Series):  # by its index, as a mapping
         given = dict(given.items())

@@ -258,7 +258,7 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
     return found_array, turn_array
 
 
-# --- hashes of rows: the twin is in tracks.judged ------------------------------------------------
+# --- hashes of rows: the twin is in tracks.coverage ------------------------------------------------
 
 
 def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,

@@ -44,7 +44,7 @@ from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import Alignment
-from tgospa_eval.tracks.judged import digest_of_sums, judge
+from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
@@ -342,7 +342,7 @@ def _result(
             )
             for role, one in zip(ROLES, known, strict=True)
         },
-        judged_on=judge(
+        evaluated_on=judge(
             axis.horizon,
             grid.truth,
             digest_of_judged(request, counting),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.writing import writing_folder
-from tgospa_eval.distances import Effort, Pairs
+from tgospa_eval.distances import Pairs, Resources
 from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.localisation import parts_of_distances
 from tgospa_eval.evaluation.prepare import AlignedPair, NearPairs, fit
@@ -22,7 +22,7 @@ from tgospa_eval.partitioned.steps import BlockPiece
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
-from tgospa_eval.tracks.judged import row_sums
+from tgospa_eval.tracks.coverage import row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
@@ -196,7 +196,7 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
     And of each near pair what the table of assignments has beside its cost.
     """
     aligned, parameters = sides.alignment, request.parameters
-    near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Effort(jobs=1))
+    near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Resources(jobs=1))
     problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
     entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
     beside = parts_of_distances(
@@ -210,7 +210,7 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
     told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
     spread = told[1].second_moments
     if spread is not None:
-        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # here: as in memory
+        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: as in memory
 
         periods = periods_in(distance, told[0].columns)
         spreads = told[0].second_moments, spread

@@ -90,7 +90,7 @@ def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> In
 
     Of all choices in which no row and no column is twice it is one that loses least.
     """
-    from scipy.optimize import linear_sum_assignment  # here: slow to import
+    from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
     row, column = (np.unique(axis, return_inverse=True)[1] for axis in (rows, columns))
     shape = int(row.max()) + 1, int(column.max()) + 1

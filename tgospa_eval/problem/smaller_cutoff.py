@@ -90,7 +90,7 @@ def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
 
 def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Mask, Mask]:
     """A least vertex cover of a bipartite graph by Konig's theorem: marks of either side."""
-    from scipy import sparse  # here: slow to import and rarely needed
+    from scipy import sparse  # lazy: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
     row, column = truth.astype(np.int32), estimate.astype(np.int32)  # no others before SciPy 1.15

@@ -232,7 +232,7 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
         )
         return found
-    from scipy.sparse import coo_array  # here: importing it takes longer than most evaluations
+    from scipy.sparse import coo_array  # lazy: importing it takes longer than most evaluations
     from scipy.sparse.csgraph import connected_components as labelled
 
     _, label = labelled(coo_array((np.ones(len(a), bool), (a, b)), shape=(nodes, nodes)), False)

@@ -48,7 +48,7 @@ MOST_CORRELATED = 0.999
 
 def chi_square(share: float, freedom: Floats | float) -> Any:
     """Quantiles of the chi-square distribution with so many degrees of freedom, > 0."""
-    from scipy.special import gammaincinv  # here: slow to import
+    from scipy.special import gammaincinv  # lazy: slow to import
 
     return 2 * gammaincinv(np.asarray(freedom) / 2, share)
 

@@ -44,7 +44,7 @@ from tgospa_eval.results.records import (
 )
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.judged import Judged
+from tgospa_eval.tracks.coverage import Coverage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +95,7 @@ class Evaluation(ABC):
         Seconds by stage.
     input : dict
         Rows and digest of either side.
-    judged_on : Judged
+    evaluated_on : Coverage
         What it was judged on: the horizon, and the truth that counts.
     sizes : dict of str to int
         Numbers of trajectories, steps, near pairs, their steps, and components.
@@ -139,7 +139,7 @@ class Evaluation(ABC):
     solver: Json
     timings: Json
     input: Mapping[str, Json]
-    judged_on: Judged
+    evaluated_on: Coverage
     sizes: dict[str, int]
     objects: tuple[int, int]
     version: str
@@ -311,9 +311,9 @@ class Evaluation(ABC):
     @property
     def normalised(self) -> dict[str, float]:
         """``(total / n) ** (1 / order)`` over the n steps, and over the states of the truth."""
-        total, states = self.proof.breakdown.total, self.judged_on.truth_states
+        total, states = self.proof.breakdown.total, self.evaluated_on.truth_states
         per_object = {"per_object": self._root(total / states)} if states else {}
-        return {"tgospa": self._root(total / self.judged_on.each)} | per_object
+        return {"tgospa": self._root(total / self.evaluated_on.each)} | per_object
 
     @property
     def parameters(self) -> Mapping[str, object]:
@@ -340,7 +340,7 @@ class Evaluation(ABC):
     @property
     def judged(self) -> dict[str, object]:
         """What the value was judged on: the horizon, and the truth that counts."""
-        return self.judged_on.record()
+        return self.evaluated_on.record()
 
     def table(self, name: str) -> Columns:
         """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
@@ -382,7 +382,7 @@ class Evaluation(ABC):
         traced = self.traced
         if traced is None:
             return {}
-        steps = self.judged_on.so_far
+        steps = self.evaluated_on.so_far
         each = np.maximum(steps, 1)
         table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
         table |= self._rooted(traced, each)
@@ -400,7 +400,7 @@ class Evaluation(ABC):
         if slid is None:
             return {}
         times = self.labels.times
-        steps = self.judged_on.so_far[slid.last] - self.judged_on.before[slid.first]
+        steps = self.evaluated_on.so_far[slid.last] - self.evaluated_on.before[slid.first]
         table: Columns = {
             "t_first": [times[k] for k in slid.first.tolist()],
             "t_last": [times[k] for k in slid.last.tolist()],
@@ -544,7 +544,7 @@ class Evaluation(ABC):
                 "similarity: the steps are weighted, and the score is of the mean over steps that "
                 "all count the same; leave the weights out"
             )
-        bounds, each = self.proof.bounds, self.judged_on.each
+        bounds, each = self.proof.bounds, self.evaluated_on.each
         return calibration.similarity(
             self.normalised["tgospa"],
             (self.outward_root(bounds.lower / each, -1), self.outward_root(bounds.upper / each, 1)),

@@ -86,7 +86,7 @@ class Gradient:
 
         A row for each state, of clouds for each particle.
         """
-        import pandas as pd  # here: not needed to compute, and slow to import
+        import pandas as pd  # lazy: not needed to compute, and slow to import
 
         row, values = np.arange(len(self.step)), self.total
         if self.particles is not None and self.first_particle is not None:

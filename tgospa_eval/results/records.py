@@ -121,7 +121,7 @@ def as_lists(columns: Arrays) -> Columns:
 
 def json_text(document: Mapping[str, object]) -> str:
     """A document as JSON: sorted keys, no NaN, full doubles."""
-    import json  # here: the table does without
+    import json  # lazy: the table does without
 
     return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
 

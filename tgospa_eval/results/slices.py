@@ -94,7 +94,7 @@ class Slicing:
     @property
     def frame(self) -> "pd.DataFrame":
         """The same as a DataFrame."""
-        import pandas as pd  # here: importing it takes longer than most evaluations
+        import pandas as pd  # lazy: importing it takes longer than most evaluations
 
         return pd.DataFrame(self.table())
 

@@ -118,7 +118,7 @@ class Sweep:
     @cached_property
     def table(self) -> "pd.DataFrame":
         """A row for each point; the first column bears the name of the parameter."""
-        import pandas as pd  # here: not needed to compute, and slow to import
+        import pandas as pd  # lazy: not needed to compute, and slow to import
 
         return pd.DataFrame(self.columns())
 

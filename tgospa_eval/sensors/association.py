@@ -12,7 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
+from tgospa_eval.distances import DISTANCES, Distance, Norm, Pairs, Resources, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance
 from tgospa_eval.distances.sphere import RADIUS
@@ -198,7 +198,7 @@ def associate(
     cutoff: float,
     distance: str | Distance = "euclidean",
     all_pairs: bool = False,
-    effort: Effort | None = None,
+    effort: Resources | None = None,
 ) -> Pairing:
     """Associate the states of two sides on the same times.
 
@@ -213,7 +213,7 @@ def associate(
     all_pairs : bool
         Measure all pairs of each step, not only those that may be nearer than the cutoff; the
         association is the same.
-    effort : Effort, optional
+    effort : Resources, optional
         Threads, and progress.
 
     Raises

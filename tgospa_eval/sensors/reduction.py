@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
+from tgospa_eval.distances import Reduction, Resources, cloud_wasserstein
 from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
@@ -22,7 +22,7 @@ HISTORY = "history"
 
 
 def reduce_trajectories(
-    side: Trajectories, reduction: Reduction, effort: Effort | None = None
+    side: Trajectories, reduction: Reduction, effort: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
     """Every cloud with fewer particles, and a row of what changed for each.
 
@@ -32,7 +32,7 @@ def reduce_trajectories(
         With clouds; without, every state is one particle, and nothing changes.
     reduction : Reduction
         How.
-    effort : Effort, optional
+    effort : Resources, optional
         Threads, and progress.
 
     Returns
@@ -45,7 +45,7 @@ def reduce_trajectories(
         history, as `Reduction.trace` has it. None where a cloud is too large for the exact
         distance, POT is missing, or there is no spread.
     """
-    effort = effort or Effort()
+    effort = effort or Resources()
     if side.clouds is None:
         return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step), [])
     histories: list[list[float]] = []
@@ -59,7 +59,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
     return table | {HISTORY: histories or [[] for _ in changes]}
 
 
-def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]:
+def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChange]:
     """A row for each cloud: in threads, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()

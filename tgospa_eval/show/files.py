@@ -251,7 +251,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
         with suppress(OSError):  # some file systems have no links
             os.link(file, place)
             return
-    import shutil  # here: it brings compression
+    import shutil  # lazy: it brings compression
 
     shutil.copyfile(file, place)
 
@@ -366,7 +366,7 @@ def result_texts(
     names : pair of str
         What truth and estimate are called in the report.
     """
-    from tgospa_eval.show.html import page  # here: for folders only
+    from tgospa_eval.show.html import page  # lazy: for folders only
 
     seconds = {
         stage: spent

@@ -715,7 +715,7 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
     those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
     of the steps 1..k from above.
     """
-    split, steps = result.proof.breakdown, np.maximum(result.judged_on.so_far, 1)
+    split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.traced is not None:
         parts = dict(zip(PARTS, result.traced.parts, strict=True))
     else:

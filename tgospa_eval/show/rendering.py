@@ -247,7 +247,7 @@ def rendered(
 
 def csv_text(table: Columns) -> str:
     """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
-    import csv  # here: most print no CSV
+    import csv  # lazy: most print no CSV
 
     lines: list[str] = []
     # Told of both ends of lines the writer quotes texts with either; the file has one of them.

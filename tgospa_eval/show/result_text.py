@@ -243,7 +243,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
     """The value per step, and per object and step: the name, the value, by what the total is."""
-    judged, normalised = result.judged_on, result.normalised
+    judged, normalised = result.evaluated_on, result.normalised
     if judged.steps:
         yield "per step", result.quantity(normalised["tgospa"]), counted(judged.steps, "step")
         if "per_object" in normalised:

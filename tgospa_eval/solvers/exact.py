@@ -170,7 +170,7 @@ def _short(batch: BlockBatch, seconds: float) -> bool:
 def _build(states: States) -> Programme:
     """Maximise gain w - price |D w| over w >= 0 with every slot at most full; of one block."""
     import clarabel  # noqa: F401  or cvxpy takes one that finds no memory for one that is missing
-    import cvxpy as cp  # here: importing it takes longer than most evaluations
+    import cvxpy as cp  # lazy: importing it takes longer than most evaluations
 
     gain, pair = states.gain, states.pair
     arc = np.flatnonzero(pair[1:] == pair[:-1])

@@ -216,7 +216,7 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
     v[j] = max over i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual
     graph; no positive cycle at an optimum).
     """
-    from scipy.optimize import linear_sum_assignment  # here: slow to import and rarely needed
+    from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
     blocks, rows, columns = gain.shape
     i, j = np.stack([linear_sum_assignment(one, maximize=True) for one in gain], axis=1)

@@ -169,7 +169,7 @@ class TimeMatching:
 
     @property
     def of_estimate(self) -> bool:
-        """Whether stamps of the estimate say which steps count, but for its silences."""
+        """Whether stamps of the estimate say which steps count, but for its outages."""
         if self.interpolate == "truth":
             return True
         return self.grid in ("estimate", "common") and not self.decided
@@ -268,7 +268,7 @@ def align(
 ) -> Alignment:
     """Put both on one grid; `names` are for messages.
 
-    Stamps of the truth in silences of the estimate, which are `charged`, count in any case.
+    Stamps of the truth in outages of the estimate, which are `charged`, count in any case.
 
     Raises
     ------

@@ -90,7 +90,7 @@ class Conversion:
             texts = np.empty(len(moved), dtype=object)
             texts[:] = [iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
-        from decimal import (  # here: slow to import, and few clocks differ
+        from decimal import (  # lazy: slow to import, and few clocks differ
             Context,
             Decimal,
             Overflow,
@@ -129,7 +129,7 @@ class Conversion:
             back = replace(self, time_offset=-self.time_offset)
             times, labels = back.times(side.times, side.clock, side.labels, "repaired")
             return replace(side, times=times, labels=labels)
-        from decimal import Context, Decimal  # here: as above
+        from decimal import Context, Decimal  # lazy: as above
 
         exact = Context(prec=DIGITS_OF_SUMS)
         factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
@@ -174,7 +174,7 @@ class Conversion:
             raise ConfigError(
                 f"{option('time_scale')} is for times that are numbers; {name} has {CLOCKS[clock]}"
             )
-        from decimal import Decimal  # here: as above
+        from decimal import Decimal  # lazy: as above
 
         by = int((Decimal(repr(self.time_offset)) * SECOND).to_integral_value())
         if not all(-(2**63) <= int(end) + by < 2**63 for end in (times[0], times[-1])):

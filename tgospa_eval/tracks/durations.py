@@ -180,7 +180,7 @@ def stretch(
     if clock != "number":
         begin, end, step, scale = int(first), int(last), every.nanoseconds, 1
     else:
-        from decimal import Decimal  # here: slow to import
+        from decimal import Decimal  # lazy: slow to import
 
         exact = [Decimal(repr(x)) for x in (first, last, float(every))]
         places = max(0, *(-int(x.normalize().as_tuple().exponent) for x in exact))

@@ -10,7 +10,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.tracks.judged import unsigned_zeros, whole
+from tgospa_eval.tracks.coverage import unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import PLACES
 
 BOX, CIRCLE, CAP, POLYGON, GEOJSON = "box", "circle", "cap", "polygon", "geojson"

@@ -156,7 +156,7 @@ class Trajectories:
             )
         if covariance.ndim == 2:
             return covariance
-        from tgospa_eval.tracks.covariances import from_matrices  # here: most states are points
+        from tgospa_eval.tracks.covariances import from_matrices  # lazy: most states are points
 
         packed, notices = from_matrices(covariance, self._covariance)
         for notice in notices:
@@ -193,7 +193,7 @@ class Trajectories:
         """Lower triangles (R, d (d + 1) / 2) of what is around each state, if anything is."""
         if self.clouds is None:
             return self.covariance
-        from tgospa_eval.tracks.covariances import pack  # here: points do without
+        from tgospa_eval.tracks.covariances import pack  # lazy: points do without
 
         with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
             return pack(self.clouds.covariances).T

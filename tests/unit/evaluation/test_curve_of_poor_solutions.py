@@ -11,7 +11,7 @@ from strategies import scene
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation.curve import trace
-from tgospa_eval.evaluation.endings import Alone, Continued
+from tgospa_eval.evaluation.endings import ContinuedPrefixes, SeparateStretches
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import Cells
 from tgospa_eval.problem.weights import repair
@@ -55,19 +55,19 @@ def test_endings_prove_what_whole_beginnings_do(
     solution = Certified()(states, Stopwatch())
     weights = repair(states, solution.weights)
     asked: list[tuple[type, int]] = []
-    for kind in (Continued, Alone):
+    for kind in (ContinuedPrefixes, SeparateStretches):
 
         def solve(self: Any, *given: Any, kind: type, true: Any) -> Any:
-            asked.append((kind, len(self.cut.block if kind is Alone else given[0])))
+            asked.append((kind, len(self.cut.block if kind is SeparateStretches else given[0])))
             return true(self, *given)
 
         monkeypatch.setattr(kind, "solve", partialmethod(solve, kind=kind, true=kind.solve))
     few = trace(states, weights, solution.prices, Certified())
-    assert sum(count for kind, count in asked if kind is Continued) > 5
+    assert sum(count for kind, count in asked if kind is ContinuedPrefixes) > 5
     asked.clear()
     monkeypatch.setattr("tgospa_eval.evaluation.curve.SPAN", 1000)
     whole = trace(states, weights, solution.prices, Certified())
-    assert {kind for kind, _ in asked} == {Alone}
+    assert {kind for kind, _ in asked} == {SeparateStretches}
     assert few.met(1e-9).all()
     assert whole.met(1e-9).all()
     assert (few.lower <= whole.upper).all()

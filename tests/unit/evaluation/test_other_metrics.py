@@ -15,7 +15,7 @@ from trackeval.metrics import CLEAR, HOTA, Identity
 
 from tgospa_eval import Certified, Trajectories, evaluate
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import DISTANCES, Effort
+from tgospa_eval.distances import DISTANCES, Resources
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import request
 from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS, joined, of_sums, other_metrics
@@ -178,7 +178,7 @@ def test_sums_join_as_trackeval_joins(tmp_path: Path) -> None:
             parameters=parameters, distance=DISTANCES["euclidean"], solver=Certified()
         )
         prepared = prepare(fit(*sides, asked), asked, stopwatch=Stopwatch())
-        others = other_metrics(prepared, tuple(metrics), Effort(jobs=1, stopwatch=Stopwatch()))
+        others = other_metrics(prepared, tuple(metrics), Resources(jobs=1, stopwatch=Stopwatch()))
         whole.append(others.found)
         kept = json.loads(json.dumps(others.sums()))
         stored.append(of_sums(kept, metrics, others.zero))

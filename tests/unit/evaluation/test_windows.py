@@ -16,7 +16,7 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, Exact, evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.endings import Alone
+from tgospa_eval.evaluation.endings import SeparateStretches
 from tgospa_eval.evaluation.request import Sliding
 
 Invoke = Callable[..., Answer]
@@ -204,16 +204,18 @@ def test_few_stretches_are_solved_and_each_once(monkeypatch: pytest.MonkeyPatch)
     estimate = np.concatenate((estimate, np.full((60, 1, 1), np.nan)), axis=1)
     estimate[30:, 4] = 300.0
     asked: list[int] = []
-    made, solve = Alone.__init__, Alone.solve
+    made, solve = SeparateStretches.__init__, SeparateStretches.solve
 
-    def counted(self: Alone, *given: Any) -> None:
+    def counted(self: SeparateStretches, *given: Any) -> None:
         asked.append(len(given[2]))
         made(self, *given)
 
-    monkeypatch.setattr(Alone, "__init__", counted)
+    monkeypatch.setattr(SeparateStretches, "__init__", counted)
     solved: list[int] = []
     monkeypatch.setattr(
-        Alone, "solve", lambda self, *given: (solved.append(len(given)), solve(self, *given))[1]
+        SeparateStretches,
+        "solve",
+        lambda self, *given: (solved.append(len(given)), solve(self, *given))[1],
     )
     options = {"cutoff": 4.0, "order": 1, "switch_penalty": 6.0}
     result = evaluate(truth, estimate, **options, window=10, every=10)
@@ -299,7 +301,7 @@ def test_what_is_not_exact_is_told_as_a_bound(
         )
         for name, side in zip(names, sides, strict=True)
     ]
-    monkeypatch.setattr(Alone, "solve", lambda self, *_: self.held())
+    monkeypatch.setattr(SeparateStretches, "solve", lambda self, *_: self.held())
     answer = invoke(*files, "-c", "5", "-g", "2", "--window", "6")
     assert answer.status == 4
     assert "4 of them upper bounds" in " ".join(answer.out.split())

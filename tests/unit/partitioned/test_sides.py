@@ -15,7 +15,7 @@ from tgospa_eval.formats.loading import ZSTD
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.judged import digest, digest_of_sums, row_sums
+from tgospa_eval.tracks.coverage import digest, digest_of_sums, row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
 IDS: dict[str, Callable[[int], object]] = {

@@ -521,7 +521,7 @@ def test_metrics_are_flat_numbers_of_the_json(known: Result) -> None:
         "certified": 1, "localisation": 6, "missed": 50, "false": 50, "switch": 4,
         "counts.missed": 1, "counts.false": 1, "counts.switch": 1,
         "normalised.tgospa": 27.5**0.5,
-        "normalised.per_object": (110 / known.judged_on.truth_states) ** 0.5,
+        "normalised.per_object": (110 / known.evaluated_on.truth_states) ** 0.5,
     })  # fmt: skip
     assert "metrics" in dir(known)
 

@@ -21,8 +21,8 @@ from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
 from tgospa_eval.text import clipped, option
+from tgospa_eval.tracks.coverage import JUDGED_FIELDS, incomparable, judge_alike, judged_of
 from tgospa_eval.tracks.ignored import refuse_own_marks
-from tgospa_eval.tracks.judged import JUDGED_FIELDS, incomparable, judge_alike, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -374,7 +374,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
         open_ = {pair for pair in {*pairs, *other} if pairs.get(pair) != other.get(pair)}
         pairs = other | pairs
         if renewed is None or not all(map(renewed, open_)):
-            from shlex import join  # here: conflicts are rare
+            from shlex import join  # lazy: conflicts are rare
 
             only = [text for one in patterns_of(open_, {*pairs}) for text in ("--only", one)]
             remedy = f"{join(['--update-baseline', *only])} makes what conflicts anew, nothing else"

@@ -697,7 +697,7 @@ def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1)
     runs = sum(len(one.now) for one in strata)
     if freedom == 0 or size <= 0 or runs < needed:
         return math.inf
-    from scipy.special import ndtri, stdtrit  # here: slow to import
+    from scipy.special import ndtri, stdtrit  # lazy: slow to import
 
     deviation = math.sqrt(sum(one.variance for one in strata if one.freedom > 0))
     share = float(stdtrit(freedom, confidence) + stdtrit(freedom, POWER)) * deviation

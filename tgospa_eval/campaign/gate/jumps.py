@@ -165,7 +165,7 @@ def _p_value(
     least: float,
 ) -> float:
     """One-sided, by Student's t with the moderated variance; 1 below the limit."""
-    from scipy.special import stdtr  # here: slow to import
+    from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, usual) = scatter, beside
     if rise <= 0 or freedom + prior <= 0:

@@ -39,7 +39,7 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.text import option
-from tgospa_eval.tracks.judged import incomparable
+from tgospa_eval.tracks.coverage import incomparable
 
 WORST_FIRST = tuple(
     getattr(Verdict, name) for name in ("FAIL", "INCOMPARABLE", "UNDECIDED", "NOISE", "PASS")
@@ -108,7 +108,7 @@ class PairOutcome:
     @property
     def page_name(self) -> str:
         """Where its page is in the folder of a gate; blank without one."""
-        from tgospa_eval.show.files import folder_name  # here: for folders only
+        from tgospa_eval.show.files import folder_name  # lazy: for folders only
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
 
@@ -171,7 +171,7 @@ class Report:
     @property
     def advice(self) -> str:
         """Command that accepts what failed, or may be tightened; blank of nothing."""
-        import shlex  # here: most gates pass
+        import shlex  # lazy: most gates pass
 
         return shlex.join(self.again)
 

@@ -577,7 +577,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 def page(report: Report, seed: str) -> str:
     """The page of all pairs: words and numbers from a template, without a script."""
-    from tgospa_eval.show.html import (  # here: for folders only
+    from tgospa_eval.show.html import (  # lazy: for folders only
         environment,
         inlined,
         page_colours,
@@ -637,7 +637,7 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
 
 def _chart(report: Report, seed: str) -> str:
     """The totals of runs beside those of the baseline, as the address of an image; or blank."""
-    from tgospa_eval.show.charts import Pictures, pictures  # here: for folders only
+    from tgospa_eval.show.charts import Pictures, pictures  # lazy: for folders only
 
     found: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:

@@ -88,7 +88,7 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
     top : int
         How many to list; as many as of `tgospa_eval.explain` by default.
     """
-    from tgospa_eval.explain.explain import TOP, explain  # here: only where asked for
+    from tgospa_eval.explain.explain import TOP, explain  # lazy: only where asked for
 
     assert isinstance(result, PairEvaluation)  # --by class is refused
     stopwatch = Stopwatch()
@@ -121,7 +121,7 @@ def show(
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:
-            from tgospa_eval.cli.shared.writing import write_folder  # here: only where asked for
+            from tgospa_eval.cli.shared.writing import write_folder  # lazy: only where asked for
 
             write_folder(result, options, output, names)
     except ConfigError:  # a full disk must not cost what was computed
@@ -135,7 +135,7 @@ def _print(result: Evaluation, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.show.result_text import report  # here: for terminals only
+        from tgospa_eval.show.result_text import report  # lazy: for terminals only
 
         emit(report(result), "colours")
     else:

@@ -427,14 +427,14 @@ def long_options(command: click.Command) -> list[str]:
 
 def words(line: Iterable[str]) -> str:
     """Arguments as they are typed in a shell; those of ours, in capitals, may be in brackets."""
-    from shlex import quote  # here: most command lines are right
+    from shlex import quote  # lazy: most command lines are right
 
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
     """The option that was meant: the only one that begins so, else the most similar one."""
-    from difflib import get_close_matches  # here: most command lines are right
+    from difflib import get_close_matches  # lazy: most command lines are right
 
     bare = text.lstrip("-")
     known = [name.lstrip("-") for name in options]
@@ -452,6 +452,6 @@ def meant_verb(word: str) -> str | None:
     for verb, others in VERB_WORDS.items():
         if word in others.split():
             return verb
-    from difflib import get_close_matches  # here: most command lines are right
+    from difflib import get_close_matches  # lazy: most command lines are right
 
     return next(iter(get_close_matches(word, VERB_WORDS, 1, 0.8)), None)

@@ -118,7 +118,7 @@ def _wrapped(line: str) -> str:
     width = stderr_width()
     if not NARROW_TERMINAL <= width < len(line) or line[0].isspace():
         return line
-    import textwrap  # here: most lines fit, or go to a file
+    import textwrap  # lazy: most lines fit, or go to a file
 
     return textwrap.fill(
         line, width, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False

@@ -120,7 +120,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """
     if output.pictures == "none":
         return None
-    from tgospa_eval.show.charts import Pictures  # here: for pictures only
+    from tgospa_eval.show.charts import Pictures  # lazy: for pictures only
 
     given = (output.pictures, output.components, output.plane)
     formats, components, columns = (
@@ -134,7 +134,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
 
 def can_draw(*, quiet: bool) -> bool:
     """Whether pictures can be drawn; prints a notice if not."""
-    from tgospa_eval.show import style  # here: for folders only
+    from tgospa_eval.show import style  # lazy: for folders only
 
     if not style.available() and not quiet:
         print_notice(style.MISSING)
@@ -166,7 +166,7 @@ def write_folder(
         notify("report.html", 0.0)
         texts = {**result_texts(result, names)}
         if output.proof:
-            from tgospa_eval.show.files import proof_files  # here: only where asked for
+            from tgospa_eval.show.files import proof_files  # lazy: only where asked for
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)

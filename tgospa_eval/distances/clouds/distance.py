@@ -21,7 +21,14 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, DistanceSettings, Effort, Pairs, Sides, pair_named
+from tgospa_eval.distances.base import (
+    Distance,
+    DistanceSettings,
+    Pairs,
+    Resources,
+    Sides,
+    pair_named,
+)
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import (
     MOST_PARTICLES,
@@ -86,7 +93,7 @@ class CloudPairs(Distance):
         largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
         return cutoff * (1 + SLACK) + 2.0**-46 * largest
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
         """Near pairs with their distances: closed forms first, then what bounds leave open."""
         a, b = (side.clouds for side in sides)
         if a is None or b is None:
@@ -150,7 +157,7 @@ class OwnCovariance(CloudPairs):
         """Any pair of a step: the distance of means bounds nothing here."""
         return np.inf
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
         """Near pairs, bounded by the Mahalanobis distances of their means."""
         truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
@@ -197,7 +204,7 @@ def _solved(
     rows: tuple[Ints, Ints],
     works: Floats,
     what: str,
-    effort: Effort,
+    effort: Resources,
 ) -> Floats:
     """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter.
 
@@ -400,7 +407,7 @@ class CloudWasserstein(Distance):
                 f"inner distance mahalanobis; name one with {option('inner_cov', metavar='FILE')}"
             ) from None
 
-    def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, Distance]:
+    def prepared(self, sides: Sides, effort: Resources) -> tuple[Sides, Distance]:
         """Scaled, reduced, coincident particles merged, whitened: then Euclidean."""
         centre = np.concatenate([side.state[:1] for side in sides])[:1]
         factor = None if self.covariance is None else cholesky(self.covariance)
@@ -464,7 +471,10 @@ class PairCloudWasserstein(CloudWasserstein):
 
 
 def reduced(
-    clouds: Clouds, reduction: Reduction, effort: Effort, histories: list[list[float]] | None = None
+    clouds: Clouds,
+    reduction: Reduction,
+    effort: Resources,
+    histories: list[list[float]] | None = None,
 ) -> Clouds:
     """Every cloud reduced; the user is notified if that takes long.
 

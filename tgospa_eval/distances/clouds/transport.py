@@ -598,7 +598,7 @@ def can_transport() -> bool:
 
 def _pot() -> ModuleType:
     try:
-        from ot import lp  # here: slow to import, and an extra
+        from ot import lp  # lazy: slow to import, and an extra
     except ModuleNotFoundError:
         raise ConfigError(POT_NEEDED) from None
     module: ModuleType = lp

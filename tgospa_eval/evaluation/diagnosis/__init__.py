@@ -132,7 +132,7 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
     """Where the estimate has no stamps: how long, and what it costs."""
-    found = axis.silences
+    found = axis.outages
     if found is None:
         return []
     total, longest = float(found.lengths.sum()), float(found.lengths.max())

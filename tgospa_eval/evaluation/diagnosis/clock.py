@@ -106,12 +106,12 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 
 
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
-    aligned, silences = sides.alignment, sides.axis.silences
+    aligned, outages = sides.alignment, sides.axis.outages
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
     if matching.grid == "common":  # of two rates the lower one may be wholly in the other
         steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
-    if silences is not None and silences.charged:  # which has a warning of its own
-        steps -= len(silences.ticks)
+    if outages is not None and outages.charged:  # which has a warning of its own
+        steps -= len(outages.ticks)
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
     share = f"{100 * aligned.common / steps:.0f} %"
@@ -236,7 +236,7 @@ def find_clock(
     given : mapping of str to object
         A `time_scale` and a `time_offset` with which the estimate was read.
     """
-    from fractions import Fraction  # here: slow to import, and most clocks agree
+    from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     truth, estimate = sides
     steps = [median_step(side.times) or 0.0 for side in sides]
@@ -264,7 +264,7 @@ def find_clock(
 
 def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
     """Times, multiplied, since a moment; exact before they are rounded to doubles."""
-    from fractions import Fraction  # here: as in `find_clock`
+    from fractions import Fraction  # lazy: as in `find_clock`
 
     first = times[0].item()
     if times.dtype.kind == "i":
@@ -284,7 +284,7 @@ def _clock(
     given: Mapping[str, object],
 ) -> ClockError:
     """The offset as it is to be written: of such that fit as well the plainest one."""
-    from fractions import Fraction  # here: as in `find_clock`
+    from fractions import Fraction  # lazy: as in `find_clock`
 
     unit = 1 if search.truth.clock == "number" else SECOND
     hour, near = 3600 * unit, PREFERRED * uncertainty
@@ -314,7 +314,7 @@ def _same_moments(
     search: Search, shift: float, uncertainty: float, factor: "Fraction"
 ) -> "Fraction | None":
     """The offset that makes the stamps those of the truth, if one within the uncertainty does."""
-    from fractions import Fraction  # here: as in `find_clock`
+    from fractions import Fraction  # lazy: as in `find_clock`
 
     own, theirs = search.moments[0], search.moments[1][search.steps] + shift
     after = np.searchsorted(own, theirs).clip(1, len(own) - 1)

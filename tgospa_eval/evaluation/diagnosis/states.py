@@ -166,7 +166,7 @@ def _lines(sample: Sample) -> Iterator[Floats]:
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
     if distance.on_earth:
-        from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
+        from tgospa_eval.distances.sphere import RADIUS  # lazy: most distances are others
 
         chosen, degrees = [0, 1], np.degrees(cutoff / RADIUS)
         shrunk = np.cos(np.radians(truth.state[:, 0])).mean().clip(0.01)

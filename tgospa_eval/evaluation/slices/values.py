@@ -6,7 +6,7 @@ from functools import reduce
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
-from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances import Distance, Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
@@ -67,7 +67,7 @@ def values_of(
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """How many other objects of this side are nearer than the cutoff."""
     seen = side.seen_as(distance.kinds)
-    effort = Effort(jobs=1)
+    effort = Resources(jobs=1)
     both, distance = distance.prepared((seen, seen), effort)
     margin = distance.margin(both, cutoff)
     pairs = prepared_pairs(both, cutoff, distance, effort, margin=margin)

@@ -115,7 +115,7 @@ def ask(name: str, items: Sequence[str]) -> str:
     `name` is that of the option, or nothing for a DataFrame.
     """
     if name:
-        from shlex import quote  # here: for messages only
+        from shlex import quote  # lazy: for messages only
 
         value = ",".join(items)
         return option(name, quote(value) if surface.get() == COMMAND else value)
@@ -437,7 +437,7 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
     for name, header in list(headers.mapped.items()):
         if headers.spelt(header, name) is None:
-            from difflib import get_close_matches  # here: for mistakes only
+            from difflib import get_close_matches  # lazy: for mistakes only
 
             near = next(iter(get_close_matches(header, headers.names, n=1)), None)
             wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
@@ -660,7 +660,7 @@ class Roles:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
         if asked and self.spread is None and not clouds:
-            from tgospa_eval.formats.columns.spread import entries  # here: most states are points
+            from tgospa_eval.formats.columns.spread import entries  # lazy: most states are points
 
             labels = [label for _, _, label in entries(self.names)]
             text = f"no columns of covariances ({', '.join(labels[:3])}): its states are points"

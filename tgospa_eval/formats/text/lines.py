@@ -459,7 +459,7 @@ def plain_id(text: str) -> str:
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text
-    from decimal import Decimal  # here: slow to import, and few numbers are ids
+    from decimal import Decimal  # lazy: slow to import, and few numbers are ids
 
     try:
         if not math.isfinite(float(text)):

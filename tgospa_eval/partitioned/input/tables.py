@@ -243,7 +243,7 @@ def open_table(
         pyarrow is not installed.
     """
     check_parquet(begin=f"{file.path}: ")
-    import pyarrow as pa  # here: the extra may be missing
+    import pyarrow as pa  # lazy: the extra may be missing
     import pyarrow.parquet as pq
 
     with named(file.path, InputError):

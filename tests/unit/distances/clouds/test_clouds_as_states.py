@@ -24,7 +24,6 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
     Distance,
-    Effort,
     GaussianWasserstein,
     Geodesic,
     Mahalanobis,
@@ -32,6 +31,7 @@ from tgospa_eval.distances import (
     PairMahalanobis,
     Pairs,
     Reduction,
+    Resources,
     SlicedWasserstein,
     cloud_wasserstein,
     near_pairs,
@@ -108,7 +108,7 @@ def as_dict(pairs: Pairs) -> dict:
 def test_gated_is_ungated_is_one_by_one(size: int, order: int, cutoff: float) -> None:
     a, b = scene(1, size=size), scene(2, size=size)
     gated, whole = (
-        near_pairs(a, b, cutoff, CloudWasserstein(order=order, gating=gating), Effort(jobs=jobs))
+        near_pairs(a, b, cutoff, CloudWasserstein(order=order, gating=gating), Resources(jobs=jobs))
         for gating, jobs in ((True, 1), (False, 3))
     )
     assert np.array_equal(gated.truth_row, whole.truth_row)
@@ -191,7 +191,9 @@ def test_reduction_belongs_to_the_distance() -> None:
     a, b = scene(9, most=40), scene(10, most=40)
     distance = CloudWasserstein(reduction=Reduction(size=5))
     result = evaluate(a, b, distance=distance)
-    small = [side.with_clouds(reduced(side.clouds, Reduction(size=5), Effort())) for side in (a, b)]
+    small = [
+        side.with_clouds(reduced(side.clouds, Reduction(size=5), Resources())) for side in (a, b)
+    ]
     assert result.tgospa == evaluate(*small, distance=CloudWasserstein()).tgospa
     assert result.parameters["reduce"] == 5
     assert evaluate(a, a, distance=distance).tgospa <= 1e-6
@@ -230,13 +232,13 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     stopwatch = Stopwatch()
     stopwatch.notify = said.append
-    near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(jobs=1, stopwatch=stopwatch))
+    near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Resources(jobs=1, stopwatch=stopwatch))
     assert re.fullmatch(
         r"\d+ distances of clouds of up to 9 particles; reduce=50 makes them small, "
         r"about 0 s left",
         said[0],
     )
-    reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
+    reduced(scene(11).clouds, Reduction(size=2), Resources(stopwatch=stopwatch))
     assert re.fullmatch(r"\d+ clouds to reduce, about 0 s left", said[1])
 
 
@@ -273,7 +275,7 @@ def test_sliced_is_the_mean_or_the_largest_of_transports(
     for inner in ({}, {"inner": "mahalanobis", "covariance": [[4, 1], [1, 2]], "scale": (2, 0.5)}):
         distance = SlicedWasserstein(order=order, maximum=maximum, directions=7, **inner)
         gated, whole = (
-            near_pairs(a, b, cutoff, replace(distance, gating=gating), Effort(jobs=jobs))
+            near_pairs(a, b, cutoff, replace(distance, gating=gating), Resources(jobs=jobs))
             for gating, jobs in ((True, 1), (False, 3))
         )
         assert as_dict(gated) == as_dict(whole)

@@ -47,7 +47,7 @@ def judge_alike() -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Judged:
+class Coverage:
     """What a value is judged on.
 
     Parameters
@@ -101,7 +101,7 @@ def judge(
     *,
     states: int | None = None,
     at: int | None = None,
-) -> Judged:
+) -> Coverage:
     """What an evaluation is judged on.
 
     Parameters
@@ -117,7 +117,7 @@ def judge(
     """
     ticks = horizon.times if len(horizon.times) else truth.times
     shown = horizon.shown if len(horizon.times) else truth.shown
-    return Judged(
+    return Coverage(
         steps=len(ticks),
         before=np.searchsorted(ticks, truth.times),
         so_far=np.searchsorted(ticks, truth.times, side="right"),
@@ -140,7 +140,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
     Parameters
     ----------
     records : mapping of str to mapping
-        What each was judged on, as `Judged.record`.
+        What each was judged on, as `Coverage.record`.
     """
     first, *others = records.values()
     differing = [
