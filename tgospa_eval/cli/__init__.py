@@ -37,6 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     atexit.register(gc.freeze)
     if arguments is None:  # a process of its own
         gc.set_threshold(NEW_OBJECTS)
+        # Matrices are small: threads of BLAS cost more time to start than a small evaluation takes.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     files.announce = print_notice
 
     def work() -> int:
