@@ -1,9 +1,11 @@
 """Problem -> solution -> proof -> what is known of one evaluation."""
 
-from typing import TYPE_CHECKING, cast
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.frozen import replace
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.evaluation.localisation import (
     at_cutoff,
@@ -19,14 +21,17 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.consistency import NEES, NeesSums
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import SPREAD
 from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import Json
+from tgospa_eval.results.records import Costs, Json
 from tgospa_eval.solvers import Solver
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.certified import Certified
+
+E = TypeVar("E", bound=Evaluation)
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -95,10 +100,15 @@ def prove(
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)
     recorded, judged = prepared.recorded()
-    gap = solver.gap if solver.proves else GAP
     problem = prepared.states.problem
-    return PairEvaluation(
+    return make_result(
+        PairEvaluation,
         proof=proof,
+        solver=solver,
+        solution=solution,
+        settings=prepared.settings,
+        at=problem.at_cutoff,
+        more=rounded_coordinates(prepared, proof),
         split=split,
         assigned=assigned,
         nees=nees,
@@ -106,21 +116,48 @@ def prove(
         traced=traced,
         slid=slid,
         labels=prepared.labels,
-        gap=gap,
-        settings={**prepared.settings, **solver_settings(solver)},
-        solver=solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
         input=recorded,
         evaluated_on=judged,
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
+    )
+
+
+def make_result(
+    kind: type[E],
+    *,
+    proof: Costs,
+    solver: Solver,
+    solution: Solution,
+    settings: Mapping[str, Any],
+    at: int,
+    more: Iterable[Notice] = (),
+    split: dict[str, float] | None,
+    nees: NeesSums | None,
+    **parts: Any,
+) -> E:
+    """A result of one kind, in memory or of data in parts.
+
+    `at` is how many pairs are at the cutoff; `more` are further warnings; `parts` are the other
+    fields.
+    """
+    gap = solver.gap if solver.proves else GAP
+    return kind(
+        proof=proof,
+        split=split,
+        nees=nees,
+        gap=gap,
+        settings={**settings, **solver_settings(solver)},
+        solver=solver_record(solver, solution, proof.parameters, met=proof.bounds.met(gap)),
         version=__version__,
         warnings=(
-            *within_rounding(bounds, gap),
-            *at_cutoff(problem.at_cutoff),
-            *rounded_coordinates(prepared, proof),
+            *within_rounding(proof.bounds, gap),
+            *at_cutoff(at),
+            *more,
             *(() if nees is None else nees.warnings(spread=(split or {}).get(SPREAD))),
         ),
+        **parts,
     )
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
@@ -21,9 +20,8 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.ignoring import Ignoring
-from tgospa_eval.evaluation.localisation import at_cutoff, within_rounding
 from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
-from tgospa_eval.evaluation.prove import nested_timings, solver_record, solver_settings
+from tgospa_eval.evaluation.prove import make_result, nested_timings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.columns.headers import ask
@@ -38,7 +36,7 @@ from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.results.numbers import SPLIT_PARTS, SPREAD
+from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
@@ -212,7 +210,11 @@ def evaluate_partitioned(
     return replace(
         result,
         notices=tuple(one.sentence for one in (*looked, *notices) if not one.code),
-        warnings=(*(notice for notice in looked if notice.code), *result.warnings),
+        warnings=(
+            *(notice for notice in looked if notice.code),
+            *(notice for one in known for notice in one.warnings),
+            *result.warnings,
+        ),
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},
     )
@@ -323,16 +325,14 @@ def _result(
     if found.unjudged is not None:
         counts = counts - found.unjudged.ignored
     counting = digest_of_sums(columns, [block.counting for block in blocks])
-    return PartitionedResult(
+    return make_result(
+        PartitionedResult,
         proof=proof,
+        solver=solver,
+        solution=solution,
+        settings=parameters.recorded | recorded_settings(request.distance, request, columns),
+        at=sum(block.at_cutoff for block in blocks),
         labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
-        gap=solver.gap,
-        settings={
-            **parameters.recorded,
-            **recorded_settings(request.distance, request, columns),
-            **solver_settings(solver),
-        },
-        solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
         timings={},
         input={
             role: input_record(
@@ -349,16 +349,9 @@ def _result(
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),
-        version=__version__,
         split=split or None,
         nees=found.nees,
         unjudged=found.unjudged,
-        warnings=(
-            *(notice for one in known for notice in one.warnings),
-            *within_rounding(bounds, solver.gap),
-            *at_cutoff(sum(block.at_cutoff for block in blocks)),
-            *(() if found.nees is None else found.nees.warnings(split.get(SPREAD))),
-        ),
         sizes={
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
