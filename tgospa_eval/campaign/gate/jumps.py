@@ -23,8 +23,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.consistency import chi_square
 
 FALSE_ALARMS = 0.0015
-"""Error of one gate, under what is assumed. Of simulated trackers, whose scenes scatter from 0.12
-to 0.34, less than twice that jump."""
+"""Error of one gate, under what is assumed. No more of simulated trackers jump, whose scenes
+scatter from 0.12 to 0.34."""
 
 OF_SCENES = 0.75
 """Share of it that is for scenes; the rest is for runs, of which dead ones are known otherwise."""
