@@ -17,7 +17,7 @@ from checkout import DOCS
 
 from tgospa_eval import __version__
 from tgospa_eval.api import options
-from tgospa_eval.cli.shared import click_options
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.verbs import VERBS
 
 Run = Callable[..., Any]
@@ -134,7 +134,7 @@ def test_bad_values(invoke: Run, quickstart: Pair, arguments: list[str], parts: 
     ],
     ids=" ".join,
 )
-@pytest.mark.parametrize("format_", click_options.REPORT_FORMATS)
+@pytest.mark.parametrize("format_", click_builder.REPORT_FORMATS)
 def test_extreme_values(invoke: Run, quickstart: Pair, arguments: list[str], format_: str) -> None:
     status, out, _ = invoke(*quickstart, *arguments, "--format", format_)
     assert status in (0, 2)
@@ -392,7 +392,7 @@ def test_option_choices_are_the_members() -> None:
 
     assert tuple(LAYOUTS) == options.LAYOUTS
     assert tuple(SOLVERS) == options.SOLVERS
-    assert tuple(REPORTS) == click_options.REPORT_FORMATS
+    assert tuple(REPORTS) == click_builder.REPORT_FORMATS
 
 
 @pytest.mark.parametrize("solver", ["certified", "sinkhorn"])  # the referee is slow to start

@@ -137,9 +137,10 @@ def test_what_is_no_line_of_units(invoke: Invoke, text: str, said: str) -> None:
 
 
 @pytest.mark.parametrize("word", ["NA", "null", "None", "N/A", "NaN", " NA ", "<NA>", '"NULL"'])
-def test_words_for_missing_numbers(word: str) -> None:
-    write("a.csv", f"id,t,x,y\na,0,1,2\na,1,{word},{word}\na,2,3,4\n")
-    side = read("a.csv").trajectories
+def test_words_for_missing_numbers(tmp_path: Path, word: str) -> None:
+    path = str(tmp_path / "a.csv")
+    write(path, f"id,t,x,y\na,0,1,2\na,1,{word},{word}\na,2,3,4\n")
+    side = read(path).trajectories
     assert [side.times[k].item() for k in side.step] == [0, 2]
 
 

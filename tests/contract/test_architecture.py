@@ -11,7 +11,7 @@ from checkout import ROOT
 
 from tgospa_eval import __all__ as public
 from tgospa_eval.api import options
-from tgospa_eval.cli.shared import click_options
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.formats import FORMATS
 from tgospa_eval.show.result_text import REPORTS
@@ -23,7 +23,7 @@ from tgospa_eval.solvers import SOLVERS, solver_class
     [
         (DISTANCES.own, DISTANCES.own),
         (options.SOLVERS, SOLVERS),
-        (click_options.REPORT_FORMATS, REPORTS),
+        (click_builder.REPORT_FORMATS, REPORTS),
         (FORMATS.own, FORMATS.own),
     ],
 )

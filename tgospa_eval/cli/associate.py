@@ -9,7 +9,7 @@ import click
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import NAMES, OPTION_SPECS, Request
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     OutputOptions,
     chosen_options,
     format_option,

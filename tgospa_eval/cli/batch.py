@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.api.options import BatchOptions, Request
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     CONFIG_FILE,
     EVALUATION,
     PICTURE_OPTIONS,

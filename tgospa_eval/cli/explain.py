@@ -5,7 +5,7 @@ from functools import partial
 import click
 
 from tgospa_eval.api.options import PREPROCESS, Request
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     BY_OF_SETTINGS,
     CONFIG_FILE,
     EVALUATION,

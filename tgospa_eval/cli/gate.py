@@ -11,7 +11,7 @@ import click
 
 from tgospa_eval.api.options import NAMES
 from tgospa_eval.campaign.gate.options import GateOptions
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     CONFIG_FILE,
     EVALUATION,
     QUIET,

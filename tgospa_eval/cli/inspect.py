@@ -6,7 +6,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_options import READING, OutputOptions, format_option
+from tgospa_eval.cli.shared.click_builder import READING, OutputOptions, format_option
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.errors import ConfigError
 

@@ -7,7 +7,7 @@ import click
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     REDUCTION,
     OutputOptions,
     chosen_options,

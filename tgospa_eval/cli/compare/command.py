@@ -7,7 +7,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     BY_OF_SETTINGS,
     CONFIG_FILE,
     EVALUATION,

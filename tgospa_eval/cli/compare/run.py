@@ -22,7 +22,7 @@ from tgospa_eval.campaign.solver_runs import (
     opened,
     study_document,
 )
-from tgospa_eval.cli.shared.click_options import OutputOptions
+from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
 from tgospa_eval.cli.shared.writing import can_draw, write_output

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import click
 
 from tgospa_eval.api.options import FITTING, Request
-from tgospa_eval.cli.shared.click_options import (
+from tgospa_eval.cli.shared.click_builder import (
     EVALUATION,
     IN_PARTS_OPTIONS,
     OF_PICTURES,
@@ -45,6 +45,7 @@ class Files(Verb):
     "evaluate",
     cls=Files,
     params=[
+        # Options of an evaluation are fields of `Request` in api/options.py.
         *EVALUATION,
         *IN_PARTS_OPTIONS,
         *OUTPUT,

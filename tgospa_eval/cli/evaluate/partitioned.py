@@ -16,7 +16,7 @@ from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.run import show
-from tgospa_eval.cli.shared.click_options import OutputOptions
+from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
 from tgospa_eval.cli.shared.streams import interrupted, notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder

@@ -8,7 +8,7 @@ from tgospa_eval.api.evaluate import evaluate_sides, read_sides
 from tgospa_eval.api.notices import about_run
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import resolve_request
-from tgospa_eval.cli.shared.click_options import OutputOptions
+from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch

@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.sweep import sweep_sides, swept_parameters
-from tgospa_eval.cli.shared.click_options import OF_PICTURES, OutputOptions
+from tgospa_eval.cli.shared.click_builder import OF_PICTURES, OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output

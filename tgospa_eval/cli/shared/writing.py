@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_options import OutputOptions
+from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch

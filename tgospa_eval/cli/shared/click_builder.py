@@ -1,4 +1,4 @@
-"""The options of verbs, for click: those of `api.options.Request`, and those of the output."""
+"""Options for click, built from `api.options.Request` and other records, and those of the output."""
 
 from collections.abc import Callable, Collection, Container
 from dataclasses import Field, fields
