@@ -1,4 +1,4 @@
-"""Options for click, built from `api.options.Request` and other records, and those of the output."""
+"""Options for click, built from `api.options.Request` and other records; those of the output."""
 
 from collections.abc import Callable, Collection, Container
 from dataclasses import Field, fields
