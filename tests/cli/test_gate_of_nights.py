@@ -291,8 +291,8 @@ def test_an_update_says_how_many_seeds_are_needed(gate: Invoke) -> None:
     answer = gate("--update-baseline", "--format", "json")
     (said,) = json.loads(answer.out)["notices"]
     assert "group a, b, c: 6 runs: their seeds can never support" in said
-    assert "9 are needed, or further nights with --add" in said
-    runs(0, seeds=range(1, 10))
+    assert "10 are needed, or further nights with --add" in said
+    runs(0, seeds=range(1, 11))
     assert "notices" not in json.loads(gate("--update-baseline", "--format", "json").out)
     Path("base.json").unlink()
     answer = gate("--format", "json")

@@ -293,3 +293,8 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "oops" in again.faults[0]
     with pytest.raises(TypeError, match=r"batch\(\) has no keyword cutof; did you mean cutoff"):
         batch(**patterns, output="store", cutof=10.0)
+
+
+def test_limits_of_a_gate_are_a_mapping(quickstart: tuple[str, str]) -> None:
+    with pytest.raises(TypeError, match="limits is 'total:43': must be a mapping"):
+        gate(*quickstart, {}, limits="total:43")  # type: ignore[arg-type]

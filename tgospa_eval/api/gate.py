@@ -585,7 +585,7 @@ def gate(
     group : str, optional
         Labels of a suite by which pairs are added up, and the sums judged: ``"scenario"``.
     confidence : float, optional
-        Of conclusions from runs with other seeds; 0.97 by default.
+        Of conclusions from runs with other seeds; 0.975 by default.
     seed_label : str, optional
         Label in which the runs of one scene differ; ``"seed"`` by default.
     update_baseline : bool
@@ -613,9 +613,11 @@ def gate(
     ConfigError, InputError
         As for `evaluate`; a rule is wrong, or the baseline or the suite cannot be read.
     TypeError
-        Neither two sides and a baseline nor a suite are given.
+        Neither two sides and a baseline nor a suite are given, or limits are no mapping.
     """
     given = dict(locals())  # options of gate by their names
+    if not isinstance(limits, Mapping | None):
+        raise TypeError(f"limits is {limits!r}: must be a mapping from path to limit")
     named = {name: given[name] for name in ("suite", "baseline", "newer_than")}
     judge_by = GateOptions.of(
         {

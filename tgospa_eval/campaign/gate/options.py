@@ -111,7 +111,7 @@ class GateOptions(Values):
         "--confidence P",
         "Of what is inferred from runs with other seeds: a tracker that is as good as the limit "
         "fails in at most 1 - P of all gates.",
-        shown="0.97",
+        shown="0.975",
     )
     seed_label: str | None = _gate(
         "--seed-label LABEL", "Label in which the runs of one scene differ.", shown="seed"

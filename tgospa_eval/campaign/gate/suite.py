@@ -51,7 +51,7 @@ class GroupTable:
 
     name: str
     rules: tuple[Rule, ...]
-    confidence: float = 0.97
+    confidence: float = 0.975
     seed: str = SEED
 
     def has(self, labels: Mapping[str, str]) -> bool:
