@@ -42,7 +42,7 @@ RARELY, USUALLY, ALWAYS = (0.0, 0.01), (0.95, 1.0), (1.0, 1.0)
     [
         ("equal", 1, 600, RARELY),
         ("equal", 5, 600, RARELY),
-        ("20 % worse", 1, 200, (0.93, 1.0)),
+        ("20 % worse", 1, 200, (0.9, 1.0)),
         ("20 % worse", 5, 200, ALWAYS),
         ("a scene worse by 2", 1, 200, (0.68, 1.0)),
         ("a scene worse by 2", 5, 200, USUALLY),
