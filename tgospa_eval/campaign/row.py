@@ -319,7 +319,7 @@ def _contradictions(
 # Rows that belong together: those that differ in nothing but the labels that are compared.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
-"""Columns with digests of the sides (`tracks.judged.digest`)."""
+"""Columns with digests of the sides (`tracks.coverage.digest`)."""
 
 
 READ_AS_GIVEN = (

@@ -211,7 +211,8 @@ def read_states(
         sides = read_pair(resolved, *paths, roles=("estimate",) * len(paths))
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
-        raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
+        way = f"({', '.join(formats)})"
+        raise InputError(*(line.replace(usual, way) for line in error.args)) from None
     notify = notifier(quiet=quiet)
     for path, side, name in zip(paths, sides, formats, strict=True):
         for notice in about(path, side):

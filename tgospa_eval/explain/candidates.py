@@ -1,6 +1,6 @@
 """Repairs that may save something, with what they would save if nothing else changed.
 
-Costs are in units of c^p. What is said here only decides what is tried: `explain.trials` proves.
+Costs are in units of c^p. What is said here only decides what is tried: `explain.explain` proves.
 """
 
 from bisect import bisect_left

@@ -312,7 +312,7 @@ class ReadOptions:
             ("on_invalid", ("error", "drop")),
             ("missing_covariance", ("error", "zero")),
         ):
-            one_of(name.replace("_", "-"), getattr(self, name), allowed)
+            one_of(name, getattr(self, name), allowed)
         if self.classes is not None and not all(name.strip() for name in self.classes):
             raise ConfigError(
                 f"class: a name is blank; name classes, {option('class_', 'car,van')}"

@@ -444,15 +444,12 @@ def check_file(
 def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
     path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
-    try:
-        probe_folder(path, kind, force=force, subject="folder")
-        if isinstance(result, Pairing):
-            files = association_files(result)
-        else:
-            files = {**result_texts(result), **result_pictures(result)}
-        write_texts(files, path, kind, force=force, subject="folder")
-    except ConfigError as error:
-        raise ConfigError(str(error).replace(option("force"), "force=True")) from None
+    probe_folder(path, kind, force=force, subject="folder")
+    if isinstance(result, Pairing):
+        files = association_files(result)
+    else:
+        files = {**result_texts(result), **result_pictures(result)}
+    write_texts(files, path, kind, force=force, subject="folder")
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:

@@ -219,7 +219,7 @@ def test_kinds_of_invalid_rows(write: Write, invoke: Run) -> None:
     for row, what in (("a,2,1,1,oops,6", "not a number"), ("a,2,1,1,inf,6", "infinite")):
         with pytest.raises(InputError, match=what):
             read(write("b.csv", f"id,t,left,top,width,height\n{row}\n"), drop)
-    with pytest.raises(ConfigError, match="on-invalid"):
+    with pytest.raises(ConfigError, match="on_invalid"):
         ReadOptions(on_invalid="keep")
 
 

@@ -435,7 +435,7 @@ def test_a_result_shows_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert (tmp_path / "saved" / "report.html").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
-    with pytest.raises(ConfigError, match=r"^folder .*mine: is not empty; .* force=True"):
+    with pytest.raises(ConfigError, match=r"^folder .*mine: is not empty; .* force=True$"):
         result.save(tmp_path / "mine")
 
 

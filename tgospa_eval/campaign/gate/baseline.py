@@ -20,7 +20,7 @@ from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
-from tgospa_eval.text import clipped, option
+from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import JUDGED_FIELDS, incomparable, judge_alike, judged_of
 from tgospa_eval.tracks.ignored import refuse_own_marks
 
@@ -376,8 +376,12 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
         if renewed is None or not all(map(renewed, open_)):
             from shlex import join  # lazy: conflicts are rare
 
-            only = [text for one in patterns_of(open_, {*pairs}) for text in ("--only", one)]
-            remedy = f"{join(['--update-baseline', *only])} makes what conflicts anew, nothing else"
+            some = [*patterns_of(open_, {*pairs})]
+            way = f"update_baseline=True, only={some}"
+            if surface.get() == COMMAND:
+                only = [text for one in some for text in ("--only", one)]
+                way = join(["--update-baseline", *only])
+            remedy = f"{way} makes what conflicts anew, nothing else"
             if not open_:
                 remedy = "delete the lines of its marks, <<<<<<<, ======= and >>>>>>>"
             raise ConfigError(f"{name}; {remedy}")

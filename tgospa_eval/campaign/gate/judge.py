@@ -361,7 +361,8 @@ def _updated(
             entry = make_entry(now, options, pair.labels)
             new[pair.name] = with_nights(entry, before) if gate.add else entry
         except TgospaError as error:
-            raise type(error)(f"{gate.prefix(pair.name)}{error}") from None
+            lines = (f"{gate.prefix(pair.name)}{line}" for line in error.args)
+            raise type(error)(*lines) from None
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
     names = {pair.name for pair in pairs}
     gone = [name for name in old if name not in names and gate.chosen(name)]

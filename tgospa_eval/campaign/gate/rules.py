@@ -325,7 +325,7 @@ def parse_maximum(text: str) -> Rule:
     limit = _not_negative(number)
     if not equals or limit is None:
         raise ConfigError(f"{option('limits')} {quoted(text)}: must be NAME=VALUE, as tgospa=50")
-    path = _path(name.strip(), "max", text)
+    path = _path(name.strip(), "limits", text)
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, absolute=True)
 
 

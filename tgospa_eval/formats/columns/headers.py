@@ -1050,11 +1050,12 @@ def are_numbers(fields: Sequence[str]) -> bool:
 
 def without_header(fields: Sequence[str], name: str, where: str) -> str:
     """Message about a table that begins with numbers."""
+    formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
         f"{option(name or 'columns')}, of t, id, x, y, z or left, top, width, height, and - for "
-        f"others, or name the format ({option('truth_format')}, {option('estimate_format')})"
+        f"others, or name the format ({formats})"
     )
 
 
