@@ -129,7 +129,9 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
     if name.endswith("columns"):
         return f"{name}={tuple(text.split(','))}"
     is_plain = value is True or re.fullmatch(NUMBER, text)
-    return f"{name}={text or value}" if is_plain else f'{name}="{text}"'
+    if is_plain:
+        return f"{name}={text or value}"
+    return f"{name}={text!r}" if '"' in text else f'{name}="{text}"'
 
 
 @contextmanager

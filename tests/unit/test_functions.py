@@ -33,6 +33,7 @@ from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
+from tgospa_eval.text import option
 
 TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
 METRIC = ("-c", "10", "-g", "5")
@@ -298,3 +299,11 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_limits_of_a_gate_are_a_mapping(quickstart: tuple[str, str]) -> None:
     with pytest.raises(TypeError, match="limits is 'total:43': must be a mapping"):
         gate(*quickstart, {}, limits="total:43")  # type: ignore[arg-type]
+
+
+def test_a_message_that_proposes_a_filter_can_be_pasted(tmp_path: Path) -> None:
+    rows = "".join(f"{one},{t},{t},0\n" for t in range(3) for one in (1, -1, -1))
+    (tmp_path / "a.csv").write_text(f"id,t,x,y\n{rows}")
+    with pytest.raises(InputError, match=r'truth_where="id != -1" leaves such rows out'):
+        evaluate(tmp_path / "a.csv", tmp_path / "a.csv")
+    assert option("where", 'class == "car"') == "where='class == \"car\"'"

@@ -253,10 +253,8 @@ OFTEN_NONE = "many programs write it where a row belongs to no track"
 def without_id(name: str, rows: Rows, columns: str) -> str:
     """What leaves out the rows of an id, for messages."""
     header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
-    return (
-        f"{option(columns.replace('columns', 'where') or 'where')} '{header} != {name}' leaves "
-        "such rows out"
-    )
+    where = ask(columns.replace("columns", "where") or "where", [f"{header} != {name}"])
+    return f"{where} leaves such rows out"
 
 
 UNKNOWN = (-1.0, 0.0)

@@ -11,7 +11,7 @@ from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number, whole_nu
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
 from tgospa_eval.simulation.tracker import particle_clouds
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 COLUMNS = {
@@ -247,7 +247,6 @@ def _trajectories(
 def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
     """Whether these fields are real numbers from a least to a most."""
     for name, (least, most) in ranges.items():
-        option = name.replace("_", "-")
-        value = real_number(option, getattr(record, name))
+        value = real_number(option(name), getattr(record, name))
         if not least <= value <= most:
-            raise ConfigError(f"{option} is {value:g}: must be from {least:g} to {most:g}")
+            raise ConfigError(f"{option(name)} is {value:g}: must be from {least:g} to {most:g}")
