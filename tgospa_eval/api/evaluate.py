@@ -208,6 +208,7 @@ def evaluate_sides(
         notices=sides.notices,
         files=sides.files,
         calibration=resolved.similarity,
+        tracked_shares=resolved.tracked_shares,
     )
 
 

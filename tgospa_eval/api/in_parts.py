@@ -173,7 +173,7 @@ def evaluate_in_parts(
         stopwatch=stopwatch,
         check=partial(check_sides, resolved),
     )
-    return replace(result, calibration=resolved.similarity)
+    return replace(result, calibration=resolved.similarity, tracked_shares=resolved.tracked_shares)
 
 
 def in_parts_if_large(

@@ -22,6 +22,7 @@ from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
+from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -62,6 +63,8 @@ class ResolvedRequest:
         A circle, or a file of regions: only rows inside take part.
     similarity : Calibration, optional
         Of the score that is shown.
+    tracked_shares : TrackedShares
+        What the summary calls mostly tracked and mostly lost.
     allow_empty : bool
         Whether filters may leave nothing.
     """
@@ -76,6 +79,7 @@ class ResolvedRequest:
     frames: "Frames | None" = None
     coverage: str | None = None
     similarity: Calibration | None = None
+    tracked_shares: TrackedShares = TrackedShares()
     allow_empty: bool = False
 
     @property
@@ -211,6 +215,7 @@ def _resolved(options: Request) -> ResolvedRequest:
         frames=frames,
         coverage=options.region if is_coverage(options.region) else None,
         similarity=_calibration(options),
+        tracked_shares=_tracked_shares(options),
     )
 
 
@@ -438,6 +443,13 @@ def _calibration(options: Request) -> Calibration | None:
         return Calibration(false_targets=options.similarity)
     except ConfigError as error:
         raise ConfigError(f"{option('similarity')}: {error}") from None
+
+
+def _tracked_shares(options: Request) -> TrackedShares:
+    try:
+        return TrackedShares.parse(options.tracked_shares)
+    except ConfigError as error:
+        raise ConfigError(f"{option('tracked_shares')} {error}") from None
 
 
 def _each(

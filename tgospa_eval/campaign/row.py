@@ -38,6 +38,7 @@ from tgospa_eval.results.saved import (
     SLICING,
     slices_fault,
 )
+from tgospa_eval.results.summary import SUMMARY, flat
 from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def row_of(result: Evaluation) -> Row:
         **result.split_parts,
         **({} if result.nees is None else result.nees.row()),
         **{f"with.{name}": value for name, value in result.sums.items()},
+        **dict(flat(result.summarised.numbers)),
     }
 
 
@@ -193,6 +195,7 @@ OF_SEVERAL: dict[str, FieldKind] = {
     LABEL: or_null(TEXT),
     "with.": SEVERAL,
     "sizes.": or_null(COUNT),
+    f"{SUMMARY}.": or_null(NUMBER),
     "judged.": or_null(TEXT),
     f"{NEES}.": FieldKind(
         "a finite number, a text, or null", lambda value: TEXT.fits(value) or SEVERAL.fits(value)

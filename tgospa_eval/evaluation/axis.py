@@ -1,11 +1,13 @@
 """The steps that count, and both sides at them: docs/how-to/which-steps-count.md."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
@@ -87,6 +89,18 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
     if distance.on_earth:
         periods["lon"] = TURN
     return periods
+
+
+def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:
+    """Differences (N, d), the shorter way round where a component is periodic."""
+    if periods is None:
+        return differences
+    period = np.asarray(periods, np.float64)
+    finite = np.isfinite(period)
+    found = differences.copy()
+    half = 0.5 * period[finite]
+    found[:, finite] = np.remainder(found[:, finite] + half, period[finite]) - half
+    return found
 
 
 def on_axis(

@@ -4,6 +4,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -11,12 +12,14 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import PairEvaluation
+from tgospa_eval.evaluation.summary import Tracked, summarise
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
 from tgospa_eval.results.slices import added_up
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import option
 
 B = TypeVar("B", bound=Brackets)
@@ -33,6 +36,16 @@ class EvaluationByClass(Evaluation):
     """
 
     results: Mapping[str, PairEvaluation]
+
+    @cached_property
+    def summarised(self) -> Summary:
+        """Numbers of tracking of all classes together."""
+        return summarise(self, Tracked.joined([part.tracked for part in self.results.values()]))
+
+    @property
+    def is_unique(self) -> bool:
+        """Whether the assignment of each class is proven to be the only best one."""
+        return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
         """Class by class, with the class in front."""

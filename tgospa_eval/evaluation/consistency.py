@@ -14,7 +14,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.axis import periods_of
+from tgospa_eval.evaluation.axis import apart, periods_of
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
 from tgospa_eval.results.proof import PairProof
@@ -75,18 +75,6 @@ def nees_of(
         packed = packed + spreads[0][rows[0]].T
     errors = apart(states[0][rows[0]] - states[1][rows[1]], periods)
     return squared(errors.T, covariances.factor(packed))
-
-
-def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Differences (N, d), the shorter way round where a component is periodic."""
-    if periods is None:
-        return differences
-    period = np.asarray(periods, np.float64)
-    finite = np.isfinite(period)
-    found = differences.copy()
-    half = 0.5 * period[finite]
-    found[:, finite] = np.remainder(found[:, finite] + half, period[finite]) - half
-    return found
 
 
 def squared(errors: Floats, factors: Floats) -> Floats:

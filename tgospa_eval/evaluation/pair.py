@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.summary import Tracked, summarise
+from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.results.consistency import NEES, mean_nees, or_none
@@ -16,6 +19,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import Columns, Json, as_lists, track_columns
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import AlignedPair
@@ -50,6 +54,21 @@ class PairEvaluation(Evaluation):
         """The JSON document as plain Python values."""
         found = {} if self.explained is None else {"explanation": self.explained.record()}
         return super().to_dict() | found
+
+    @cached_property
+    def tracked(self) -> Tracked:
+        """States and pairs of the assignment, as the summary reads them."""
+        return Tracked.of(self.proof)
+
+    @cached_property
+    def summarised(self) -> Summary:
+        """Numbers of tracking, with columns of each track."""
+        return summarise(self, self.tracked)
+
+    @cached_property
+    def is_unique(self) -> bool:
+        """Whether the assignment is proven to be the only best one."""
+        return is_unique(self.proof, self.gap)
 
     def _of_tracks(self, name: str) -> Columns:
         if name == "assignments":
@@ -100,7 +119,8 @@ class PairEvaluation(Evaluation):
         costs = read_tracks(self.proof.states, self.proof.weights, k)
         steps = np.bincount(self.proof.states.problem.sides[k].track, minlength=len(ids))
         table = {"id": list(ids)} | as_lists(track_columns(k, steps, costs, self.scale))
-        return table | self._of_assigned(("truth", "estimate")[k], len(ids))
+        side = ("truth", "estimate")[k]
+        return table | self._of_assigned(side, len(ids)) | self.summarised.columns(f"per_{side}")
 
     def _per_step(self) -> Columns:
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))

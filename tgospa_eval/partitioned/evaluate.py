@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Ints
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
@@ -30,15 +30,17 @@ from tgospa_eval.formats.reading import check_heights, left_out_heights, told_he
 from tgospa_eval.partitioned.input.listing import changed_file, files_of, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
 from tgospa_eval.partitioned.scan import Scanned, fitted
+from tgospa_eval.partitioned.shards import IGNORED_TRUTH
 from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
-from tgospa_eval.partitioned.tables import write_tables
+from tgospa_eval.partitioned.tables import ROWS_AT_ONCE, write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.results.summary import mean, ratio, root
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import Alignment
@@ -48,6 +50,9 @@ from tgospa_eval.tracks.trajectories import Trajectories
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
 takes a second. Of more it would take memory of this process as well."""
+
+ROUNDED = 1e-9
+"""Share of states that are assigned, but for the rounding of weights."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -324,6 +329,8 @@ def _result(
     counts, columns = found.objects[0], sides[0].columns
     if found.unjudged is not None:
         counts = counts - found.unjudged.ignored
+    switches = float(proof.breakdown.switch_count.sum())
+    numbers, followed = tracking(found, max(len(axis.horizon.times), 1), switches)
     counting = digest_of_sums(columns, [block.counting for block in blocks])
     return make_result(
         PartitionedResult,
@@ -362,7 +369,62 @@ def _result(
         },
         objects=(int(found.objects[0].sum()), int(found.objects[1].sum())),
         tables=tables,
+        tracking=numbers,
+        followed=followed,
     )
+
+
+def tracking(found: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
+    """Numbers of the summary that sums tell, and the share of each truth that is followed."""
+    parameters = found.proof.parameters
+    cutoff, power = parameters.cutoff, 1 / parameters.order
+    total, first, second, whole = 0.0, 0.0, 0.0, True
+    for piece in found.assigned:
+        rows = np.load(piece, mmap_mode="r")
+        for begin in range(0, len(rows), ROWS_AT_ONCE):
+            own = rows[begin : begin + ROWS_AT_ONCE]
+            own = own[own["marks"] & IGNORED_TRUTH == 0]
+            weight, error = own["weight"], cutoff * own["cost"] ** power
+            total, whole = total + float(weight.sum()), whole and bool((weight == 1).all())
+            first, second = first + float(weight @ error), second + float(weight @ error**2)
+    states = [tracks.judged for tracks in found.tracks]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        followed = [
+            (own - costs.unassigned_count) / own
+            for own, costs in zip(states, found.track_costs, strict=True)
+        ]
+    false = (states[1] > 0) & (followed[1] <= ROUNDED)
+    truths, estimates = (
+        int(states[0].sum()),
+        total + float(found.track_costs[1].unassigned_count.sum()),
+    )
+    numbers: Json = {
+        "assigned_states": total,
+        "truth_states": truths,
+        "estimate_states": round(estimates),
+        "detection_rate": ratio(total, truths),
+        "precision": ratio(total, estimates),
+        "rmse": root(ratio(second, total)),
+        "mean_error": ratio(first, total),
+        "switches_per_truth": ratio(switches, int(np.count_nonzero(states[0]))),
+        "false_tracks": int(np.count_nonzero(false)),
+        "false_tracks_per_step": ratio(float(states[1][false].sum()), horizon),
+        "false_track_length": mean(states[1][false].astype(np.float64)),
+    }
+    if found.unjudged is None:
+        surplus = found.objects[1] - found.objects[0]
+        numbers |= {
+            "cardinality_error": ratio(float(surplus.sum()), horizon),
+            "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
+            "cardinality_rms": root(ratio(float((surplus**2).sum()), horizon)),
+        }
+    if whole:
+        numbers["siap"] = {
+            "completeness": ratio(total, truths),
+            "ambiguity": ratio(total, total),
+            "spuriousness": ratio(estimates - total, estimates),
+        }
+    return numbers, followed[0]
 
 
 def _notices(

@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,7 @@ from tgospa_eval.results.records import (
     step_columns,
 )
 from tgospa_eval.results.slices import Slicing
+from tgospa_eval.results.summary import Summary, TrackedShares, flat, headline
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.coverage import Coverage
 
@@ -60,7 +61,7 @@ LOGGED = (*BRACKET, *PARTS)
 
 DOCUMENTED = (
     *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
-    *("judged", "solver", "timings", "input", "version", "files"),
+    *("judged", "solver", "timings", "input", "version", "files", "summary", "headline"),
 )
 """What the JSON has as it stands."""
 
@@ -130,6 +131,8 @@ class Evaluation(ABC):
         Of `similarity`, if every output is to show it.
     settings_file : SettingsFile, optional
         The configuration file that set options of it.
+    tracked_shares : TrackedShares
+        What the summary calls mostly tracked and mostly lost.
     """
 
     proof: Costs
@@ -156,6 +159,7 @@ class Evaluation(ABC):
     nees: NeesSums | None = None
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
+    tracked_shares: TrackedShares = TrackedShares()
 
     def __repr__(self) -> str:
         return (
@@ -314,6 +318,33 @@ class Evaluation(ABC):
         total, states = self.proof.breakdown.total, self.evaluated_on.truth_states
         per_object = {"per_object": self._root(total / states)} if states else {}
         return {"tgospa": self._root(total / self.evaluated_on.each)} | per_object
+
+    @cached_property
+    @abstractmethod
+    def summarised(self) -> Summary:
+        """Numbers of tracking, with columns of each track."""
+
+    @property
+    @abstractmethod
+    def is_unique(self) -> bool | None:
+        """Whether the assignment is proven to be the only best one; None if that is not known."""
+
+    @property
+    def summary(self) -> Json:
+        """Numbers of tracking of the reported assignment (docs/reference/summary.md).
+
+        ``unique`` says whether that is proven to be the only best one: else another one may have
+        other numbers.
+        """
+        return {**self.summarised.numbers, "unique": self.is_unique}
+
+    @property
+    def headline(self) -> str:
+        """What people ask for first, in one sentence."""
+        each, quantity = self.normalised.get("per_object"), partial(self.quantity, digits=3)
+        numbers, counts = self.summarised.numbers, self.counts
+        words = headline(numbers, counts["switch"], counts["false"], quantity)
+        return words if each is None else f"{words}; per object and step {quantity(each)}"
 
     @property
     def parameters(self) -> Mapping[str, object]:
@@ -491,7 +522,8 @@ class Evaluation(ABC):
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
         ``localisation_mean`` and ``localisation_spread``, with probabilities of existence
         ``expected_localisation`` and ``existence_mismatch``; other metrics that were asked for as
-        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``.
+        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``; those of
+        the summary that are defined as ``summary.detection_rate``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -504,6 +536,7 @@ class Evaluation(ABC):
             **({} if self.nees is None else self.nees.numbers()),
             **_dotted(groups),
             **self.other_numbers,
+            **dict(flat(self.summarised.numbers)),
         }
 
     @property
@@ -555,9 +588,9 @@ class Evaluation(ABC):
         """The JSON document: sorted keys, no NaN, full doubles."""
         return json_text(self.to_dict())
 
-    def quantity(self, value: float) -> str:
+    def quantity(self, value: float, digits: int = 6) -> str:
         """A value in words, with the unit of the states."""
-        return number(value) + (f" {self.labels.unit}" if self.labels.unit else "")
+        return number(value, digits) + (f" {self.labels.unit}" if self.labels.unit else "")
 
     def share(self, part: float) -> str:
         """A cost in percent of the total, in words."""

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Columns, Json, records
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -154,9 +156,26 @@ class PartitionedResult(Evaluation):
     ----------
     tables : StoredTables
         Where the tables are.
+    tracking : dict
+        Numbers of the summary that sums tell.
+    followed : (k,) float array
+        Share of the states of each truth that is followed, NaN where none counts.
     """
 
     tables: StoredTables
+    tracking: Json
+    followed: Floats
+
+    @cached_property
+    def summarised(self) -> Summary:
+        """Numbers of tracking that sums tell; others are not there."""
+        counts = self.tracked_shares.counts(self.followed)
+        return Summary(numbers={**self.tracking, **counts}, per_truth={}, per_estimate={})
+
+    @property
+    def is_unique(self) -> None:
+        """Not known of data in parts."""
+        return None
 
     def _of_tracks(self, name: str) -> Columns:
         return self.tables.columns(name)

@@ -22,6 +22,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.plot_data import PlotData, plot_data
+from tgospa_eval.show.rendering import Table
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
     association_text,
@@ -31,6 +32,7 @@ from tgospa_eval.show.result_text import (
     repair_notes,
     repair_table,
     similarity_in_words,
+    summary_of,
 )
 from tgospa_eval.show.side_tables import about_slices, other_table, share, shown_slices, similarity
 from tgospa_eval.show.style import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
@@ -134,7 +136,10 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "shown_slices": shown_slices,
         "share": share,
         "about_slices": list(about_slices(result.sliced, certified=result.certified)),
-        "seconds": {k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
+        "summary": Table(head=("", ""), rows=[*summary_of(result)], align="ll"),
+        "seconds": {
+            k: v for k, v in _flat(result.timings, digits=3).items() if not k.startswith("nano")
+        },
         "parameters": _flat(result.parameters),
         "inputs": {name: _flat(about) for name, about in result.input.items()},
         "solver": {k: v for k, v in _flat(result.solver).items() if k != "history"},
@@ -198,14 +203,14 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
     return rows
 
 
-def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
+def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> dict[str, str]:
     """A record as lines of text, nested names joined by a slash."""
     lines: dict[str, str] = {}
     for name, value in record.items():
         if isinstance(value, dict):
-            lines |= _flat(value, f"{before}{name}/")
+            lines |= _flat(value, f"{before}{name}/", digits)
         elif isinstance(value, float):
-            lines[before + name] = number(value)
+            lines[before + name] = number(value, digits)
         elif isinstance(value, list | tuple):
             lines[before + name] = ", ".join(map(str, value))
         elif value is not None:

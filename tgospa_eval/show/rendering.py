@@ -220,8 +220,8 @@ def as_latex(document: Document) -> str:
     """Tables of the package booktabs; the words are comments."""
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
-    lines += [line for table in document.tables for line in latex_lines(table)]
-    return "\n".join(lines) + "\n"
+    tables = ["\n".join(latex_lines(table)) for table in document.tables]
+    return "\n\n".join(["\n".join([*lines, *tables[:1]]), *tables[1:]]) + "\n"
 
 
 WRITERS: Mapping[str, Callable[[Document], str]] = {

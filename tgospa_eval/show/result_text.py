@@ -6,6 +6,7 @@ The text is plain ASCII but for the user's own words. A terminal gets colours.
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import PARTS, Columns
+from tgospa_eval.results.summary import flat
+from tgospa_eval.results.summary import rows as summary_rows
 from tgospa_eval.show.phrases import PART_HEADS, parameters_of
 from tgospa_eval.show.rendering import (
     WIDTH,
@@ -83,6 +86,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
         "parts": _parts,
         "classes": _classes,
         "scale": _scale,
+        "summary": _summary,
         "worst": _worst,
         "switches": _switches,
         "curve": _curve,
@@ -102,6 +106,7 @@ def headline(result: Evaluation) -> str:
 
 def _headline(result: Evaluation) -> Iterator[str]:
     yield from wrap(headline(result), "")
+    yield from wrap(result.headline, "")
     yield sizes_in_words(result.sizes)
 
 
@@ -194,13 +199,18 @@ def document(result: Evaluation) -> Document:
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
     tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
+    numbers = [
+        (name.removeprefix("summary.").replace(".", " ").replace("_", " "), number(value, 4))
+        for name, value in flat(result.summarised.numbers)
+    ]
+    tables.append(Table(head=("summary", "value"), rows=numbers))
     tables += [other_table(result.with_)] if result.with_ else []
     tables += map(slices_table, result.sliced)
     tables += [repair_table(result, found)] if found is not None and found.repairs else []
     scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
     return Document(
         title=headline(result),
-        lines=[result.parameters_in_words()],
+        lines=[result.headline, result.parameters_in_words()],
         tables=tables,
         notes=[
             *filter(None, ["; ".join(f"{name} {value}" for name, value, _ in _each(result))]),
@@ -259,6 +269,17 @@ def _scale(result: Evaluation) -> Iterator[str]:
         yield from wrap(f"  NEES                 {result.nees.in_words}", " " * 23)
     if result.calibration is not None:
         yield f"  similarity           {similarity_in_words(result)}"
+
+
+def _summary(result: Evaluation) -> Iterator[str]:
+    """Numbers of tracking, a line for each kind."""
+    for name, words in summary_of(result):
+        yield from wrap(f"  {name:<13}  {words}", " " * 17)
+
+
+def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
+    """Numbers of tracking, each with its name."""
+    return summary_rows(result.summarised.numbers, partial(result.quantity, digits=4))
 
 
 def similarity_in_words(result: Evaluation) -> str:

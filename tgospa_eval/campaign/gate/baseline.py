@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.gate.rules import PROVEN, SPLIT, Value
 from tgospa_eval.campaign.row import ESTIMATE_DIGEST, Row, same_data
-from tgospa_eval.common.documents import ANYTHING, COST, TEXT, Maybe, document_of
+from tgospa_eval.common.documents import ANYTHING, COST, NUMBER, TEXT, Maybe, document_of
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
@@ -20,6 +20,7 @@ from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
+from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import JUDGED_FIELDS, incomparable, judge_alike, judged_of
 from tgospa_eval.tracks.ignored import refuse_own_marks
@@ -150,7 +151,7 @@ def measured(row: Row) -> Measured:
     refuse_own_marks(parameters.get("ignore", ()), "gate")
     return Measured(
         nees=nees,
-        values=values_of(row, scale) | nees_values(nees),
+        values=values_of(row, scale) | nees_values(nees) | summary_values(row),
         classes={name: values_of(part, scale) for name, part in row.get("classes", {}).items()},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=parameters,
@@ -167,6 +168,14 @@ def nees_values(nees: NeesSums | None) -> dict[str, Value]:
     """Those that rules can name."""
     numbers = {} if nees is None else nees.numbers()
     return {path: Value.of(value) for path, value in numbers.items()}
+
+
+def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
+    """Those of the summary, by path; what is not defined is left out."""
+    known = {path: value for path, value in numbers.items() if names_summary(path)}
+    return {
+        p: Value.of(value) for p, value in known.items() if value is not None and value == value
+    }
 
 
 def _remedy() -> str:
@@ -206,6 +215,9 @@ def make_entry(
     if now.nees is not None:
         record = now.nees.record()
         values[NEES] = {name: record[name] for name in ("mean", "anees", "inside", "sums")}
+    own = {path: value.upper for path, value in now.values.items() if names_summary(path)}
+    if own:
+        values[SUMMARY] = {path.removeprefix(f"{SUMMARY}."): value for path, value in own.items()}
     if now.classes:
         values["by_class"] = {name: upper_ends(group) for name, group in now.classes.items()}
     return {
@@ -255,6 +267,11 @@ def typical(entry: Json) -> Json:
     return {
         **nested({path: mean(path) for path in BASELINE_VALUES}),
         **({} if sums is None else {NEES: sums.record()}),
+        SUMMARY: {
+            path: mean(f"{SUMMARY}.{path}")
+            for path in nights[0].get(SUMMARY, {})
+            if all(path in values.get(SUMMARY, {}) for values in nights)
+        },
         "by_class": {
             name: nested({path: mean(path, name) for path in MEASURED}) for name in sorted(names)
         },
@@ -286,6 +303,8 @@ def upper_ends(values: Mapping[str, Value]) -> Json:
 
 def value_at(values: Json, path: str) -> Any:
     """What a path names among values, as ``counts.missed``; None if there is nothing."""
+    if names_summary(path):
+        return values.get(SUMMARY, {}).get(path.removeprefix(f"{SUMMARY}."))
     found: Any = values
     path = f"{NEES}.mean" if path == NEES else path
     for part in path.split("."):
@@ -402,6 +421,7 @@ def _values(paths: Iterable[str]) -> Json:
 VALUES = {
     **_values(BASELINE_VALUES),
     NEES: Maybe(NEES_RECORD),
+    SUMMARY: Maybe({...: NUMBER}),
     "by_class": Maybe({...: _values(MEASURED)}),
 }
 

@@ -26,6 +26,7 @@ from tgospa_eval.campaign.gate.baseline import (
     nights_of,
     number_in,
     typical,
+    value_at,
 )
 from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, LEAST_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
@@ -37,6 +38,7 @@ from tgospa_eval.campaign.gate.rules import (
     Rule,
     Value,
     Verdict,
+    is_beside,
     judge,
     meanings,
 )
@@ -50,6 +52,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import unlike
+from tgospa_eval.results.summary import names_summary
 from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
@@ -477,7 +480,7 @@ class Summed:
         """Whether something is inferred: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
-            rule.absolute or rule.path in OF_NEES
+            rule.absolute or is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
@@ -606,6 +609,15 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
     part = next((part for part in meanings(rule.path) if part[0] in classes), None)
     if part is None or group.faults:
         return None
+    if names_summary(rule.path):
+        values = [one.values.get(rule.path) for one in runs]
+        told = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
+        if None in values or (None in told and not rule.absolute):
+            return None
+        now = Value.of(math.fsum(v.upper for v in values if v) / len(values))
+        base = math.fsum(told) / len(told) if told and None not in told else None
+        finding = judge(rule, now, base)
+        return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     if rule.path in OF_NEES:
         old = [NeesSums.of_values(typical(entry)) for scene in group.scenes for entry in scene.old]
         sums = (NeesSums.joined(filter(None, each)) for each in ([one.nees for one in runs], old))

@@ -25,6 +25,7 @@ from tgospa_eval.campaign.gate.rules import (
     Rule,
     Value,
     Verdict,
+    is_beside,
     judge,
     meanings,
     worst,
@@ -38,6 +39,7 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
+from tgospa_eval.results.summary import names_summary
 from tgospa_eval.text import option
 from tgospa_eval.tracks.coverage import incomparable
 
@@ -259,7 +261,7 @@ def updated_outcome(
 
 def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
     """What a rule finds; a class that is on one side only costs 0 on the other."""
-    if rule.path in OF_NEES:
+    if is_beside(rule.path):
         found, base = now.values.get(rule.path), value_at(old, rule.path)
         if found is None or (base is None and not rule.absolute):
             return replace(_unknown(rule), now=found) if found else _unknown(rule)
@@ -340,6 +342,8 @@ def _sentences(finding: Finding) -> Iterator[str]:
 def _absent(finding: Finding) -> str:
     """Why there is nothing to judge."""
     path = finding.rule.path
+    if names_summary(path) and not math.isnan(finding.now.upper):
+        return f"the baseline has no {path}; make it anew with {option('update_baseline')}"
     if path not in OF_NEES:
         return f"the result has no {path}, nor has a baseline"
     if not math.isnan(finding.now.upper):

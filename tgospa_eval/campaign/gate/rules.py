@@ -11,6 +11,7 @@ from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.summary import NUMBERS, SUMMARY, names_summary
 from tgospa_eval.text import option, quoted
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
@@ -24,6 +25,12 @@ OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
 
 JUDGED = (*PROVEN, *SPLIT, *OF_NEES)
 """All that a rule can name, but for those of classes."""
+
+
+def is_beside(path: str) -> bool:
+    """Whether a value is not of the cost, but of the assigned pairs: NEES or the summary."""
+    return path in OF_NEES or names_summary(path)
+
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
@@ -248,7 +255,7 @@ class Finding:
     @property
     def improved(self) -> bool:
         """Whether the value is better than the baseline by more than the rule's slack."""
-        if self.base is None or self.rule.absolute or self.rule.path in OF_NEES or self.noisy:
+        if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
             return False
@@ -279,7 +286,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """The rule of ``PATH:+N`` or ``PATH:+N%``.
 
-    ``PATH:-N`` is how much less than the baseline NEES, or the share of states inside, may be.
+    ``PATH:-N`` is how much less than in the baseline NEES, or a number of the summary, may be.
 
     Raises
     ------
@@ -300,7 +307,7 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
         )
     path = _path(found["path"].strip(), name, text)
     relative, less = found["percent"] == "%", found["sign"] == "-"
-    if path not in OF_NEES if less else path == OF_NEES[-1]:
+    if not is_beside(path) if less else path == OF_NEES[-1]:
         right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
         raise ConfigError(f"{option(name)} {quoted(text)}: {path} {right}")
     return Rule(
@@ -354,8 +361,9 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
             yield parse_rule(text, name=name)
             continue
         given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
-        limits = {sign: _not_negative(number) for sign, number in given.items()}
         path = _path(ends["path"].strip(), name, text)
+        read = parsed if names_summary(path) else _not_negative  # an error may have a sign
+        limits = {sign: read(number) for sign, number in given.items()}
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
                 raise ConfigError(
@@ -397,9 +405,11 @@ def _not_negative(text: str) -> float | None:
 
 
 def _path(path: str, name: str, text: str) -> str:
-    if not any(value in JUDGED for _, value in meanings(path)):
+    if not names_summary(path) and not any(value in JUDGED for _, value in meanings(path)):
+        there = NUMBERS if path.startswith(f"{SUMMARY}.") else JUDGED
         raise ConfigError(
             f"{option(name)} {quoted(text)}: {quoted(path)} cannot be judged; there are "
-            f"{', '.join(JUDGED)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on"
+            f"{', '.join(there)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on; "
+            f"numbers of the summary as {SUMMARY}.rmse"
         )
     return path

@@ -1,0 +1,248 @@
+"""The summary of an evaluation: the numbers of tracking that people know first."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeAlias
+
+from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import counted, number
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import Columns, Json
+
+Quantity: TypeAlias = Callable[[float], str]
+"""What writes a number with the unit of the states."""
+
+SUMMARY = "summary"
+"""Name of the record, and what names of its numbers begin with in rows and rules."""
+
+NUMBERS = (
+    *("assigned_states", "truth_states", "estimate_states", "detection_rate", "precision"),
+    *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
+    *("latency.shift", "latency.gain", "mostly_tracked", "partly_tracked", "mostly_lost"),
+    *("purity", "completeness", "fragments", "longest_stretch", "switches_per_truth"),
+    *("never_tracked", "time_to_first", "breaks", "mean_time_between_breaks"),
+    *("false_tracks", "false_tracks_per_step", "false_track_length"),
+    *("cardinality_error", "cardinality_mean_absolute", "cardinality_rms"),
+    *("smoothness.estimate", "smoothness.truth"),
+    *("siap.completeness", "siap.ambiguity", "siap.spuriousness", "siap.positional_accuracy"),
+    *("siap.velocity_accuracy", "siap.track_number_change_rate", "siap.longest_track_segment"),
+)
+"""Names of all numbers, but for those of each axis: ``rmse_by_axis.NAME``."""
+
+
+def names_summary(path: str) -> bool:
+    """Whether a path names a number of the summary."""
+    head, _, name = path.partition(".")
+    return head == SUMMARY and (name in NUMBERS or name.startswith("rmse_by_axis."))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedShares:
+    """Shares of the states of an object: mostly tracked from one on, mostly lost below another.
+
+    Parameters
+    ----------
+    lost, tracked : float
+        0 <= lost <= tracked <= 1.
+
+    Raises
+    ------
+    ConfigError
+        They are out of their range.
+    """
+
+    lost: float = 0.2
+    tracked: float = 0.8
+
+    def counts(self, followed: Floats) -> Json:
+        """How many objects are mostly tracked, partly and mostly lost, of shares (k,), or NaN."""
+        known = followed[followed == followed]
+        tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
+        return {
+            "mostly_tracked": tracked,
+            "partly_tracked": kept - tracked,
+            "mostly_lost": len(known) - kept,
+            "tracked_shares": [self.lost, self.tracked],
+        }
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.lost <= self.tracked <= 1:
+            raise ConfigError(
+                f"is {self.lost:g}:{self.tracked:g}: must be two shares from 0 to 1, the lower one "
+                "first, as 0.2:0.8"
+            )
+
+    @classmethod
+    def parse(cls, value: object) -> "TrackedShares":
+        """Read ``"0.2:0.8"``, or a pair of numbers."""
+        parts = value.split(":") if isinstance(value, str) else value
+        try:
+            lost, tracked = map(float, parts)  # type: ignore[call-overload]
+        except (TypeError, ValueError, OverflowError):
+            raise ConfigError(f"is {value}: must be two shares, as 0.2:0.8") from None
+        return cls(lost=lost, tracked=tracked)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Summary:
+    """The summary of one evaluation, or of several on the same steps.
+
+    Parameters
+    ----------
+    numbers : dict
+        As in the JSON document; None where a number is not defined.
+    per_truth, per_estimate : dict of str to (k,) array
+        Columns of each track, NaN where a number is not defined.
+    """
+
+    numbers: Json
+    per_truth: Mapping[str, Floats | Ints]
+    per_estimate: Mapping[str, Floats | Ints]
+
+    def columns(self, table: str) -> Columns:
+        """Columns of the table ``per_truth`` or ``per_estimate``, None where there is no number."""
+        columns: Mapping[str, Floats | Ints] = getattr(self, table)
+        return {
+            name: [value if math.isfinite(value) else None for value in values.tolist()]
+            for name, values in columns.items()
+        }
+
+
+def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[str, float]]:
+    """The numbers of a summary by names with dots, without those that are not defined."""
+    for name, value in numbers.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{before}.{name}")
+        elif value is not None and not isinstance(value, bool | list):
+            yield f"{before}.{name}", float(value)
+
+
+def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity: Quantity) -> str:
+    """The numbers that people ask for first, in one line; `quantity` writes a length."""
+    states, rate = numbers["truth_states"], numbers["detection_rate"]
+    parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
+    if numbers["rmse"] is not None:
+        parts.append(f"RMS error {quantity(numbers['rmse'])}")
+    for count, noun, ending in ((switches, "switch", "es"), (false, "false object-step", "s")):
+        parts.append(f"{number(count)} {noun}{ending * (count != 1)}")
+    return ", ".join(parts)
+
+
+def percent(share: float | None) -> str:
+    """A share in percent; what is not all is not 100 %, what is not nothing not 0 %."""
+    if share is None:
+        return "-"
+    for digits in range(1, 13):
+        text = f"{100 * share:.{digits}f}"
+        if 0 < float(text) < 100 or share in (0, 1):
+            break
+    return f"{text.removesuffix('.0')} %"
+
+
+def rows(numbers: Mapping[str, Any], quantity: Quantity) -> Iterator[tuple[str, str]]:
+    """The summary in words, a name and what is known; lines without a number are left out."""
+
+    def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:
+        known = ((text, write(value)) for text, value, write in parts if value is not None)
+        return ", ".join(text.format(value) for text, value in known)
+
+    def plain(value: float) -> str:
+        return number(value, 4)
+
+    n = dict.fromkeys(NUMBERS) | {name.partition(".")[2]: value for name, value in flat(numbers)}
+    lost, tracked = numbers["tracked_shares"]
+    truths, estimates = numbers["truth_states"], numbers["estimate_states"]
+    lines = {
+        "followed": words(
+            (
+                f"{{}} of {counted(truths, 'object-step')}",
+                n["detection_rate"],
+                percent,
+            ),
+            (f"precision {{}} of {counted(estimates, 'estimate-step')}", n["precision"], percent),
+        ),
+        "error": words(
+            ("RMS {}", n["rmse"], quantity),
+            ("mean {}", n["mean_error"], quantity),
+            ("median {}", n["median_error"], quantity),
+            ("95 % up to {}", n["p95_error"], quantity),
+        ),
+        "along track": words(
+            ("RMS {}", n["rmse_along_track"], quantity),
+            ("across track {}", n["rmse_across_track"], quantity),
+            ("late by {}", n["latency.shift"], plain),
+            ("which explains {} of the squared error", n["latency.gain"], percent),
+        ),
+        "objects": words(
+            (f"{{}} followed at least {100 * tracked:g} %", n["mostly_tracked"], plain),
+            (f"{{}} at least {100 * lost:g} %", n["partly_tracked"], plain),
+            ("{} less", n["mostly_lost"], plain),
+        )
+        if numbers["truth_states"]
+        else "",
+        "identity": words(
+            ("purity {}", n["purity"], percent),
+            ("completeness {}", n["completeness"], percent),
+            ("{} fragments", n["fragments"], plain),
+            ("{} switches an object", n["switches_per_truth"], plain),
+        ),
+        "continuity": words(
+            ("longest stretch {} steps", n["longest_stretch"], plain),
+            ("first followed after {}", n["time_to_first"], plain),
+            ("{} between breaks", n["mean_time_between_breaks"], plain),
+        )
+        if n["longest_stretch"]
+        else "",
+        "false tracks": words(
+            ("{}", n["false_tracks"], plain),
+            ("{} a step", n["false_tracks_per_step"], plain),
+            ("{} steps long", n["false_track_length"], plain),
+        ),
+        "cardinality": words(
+            ("error {} on average", n["cardinality_error"], plain),
+            ("RMS {}", n["cardinality_rms"], plain),
+        ),
+        "smoothness": words(
+            ("RMS second difference {}", n["smoothness.estimate"], quantity),
+            ("of the truth {}", n["smoothness.truth"], quantity),
+        ),
+        "SIAP": words(
+            ("C {}", n["siap.completeness"], plain),
+            ("A {}", n["siap.ambiguity"], plain),
+            ("S {}", n["siap.spuriousness"], plain),
+            ("PA {}", n["siap.positional_accuracy"], plain),
+            ("VA {}", n["siap.velocity_accuracy"], plain),
+            ("R {}", n["siap.track_number_change_rate"], plain),
+            ("LS {}", n["siap.longest_track_segment"], plain),
+        ),
+    }
+    return ((name, text) for name, text in lines.items() if text)
+
+
+def finite(numbers: Mapping[str, Any]) -> Json:
+    """The numbers, None for those that overflowed."""
+    return {
+        name: finite(value)
+        if isinstance(value, Mapping)
+        else None
+        if isinstance(value, float) and not math.isfinite(value)
+        else value
+        for name, value in numbers.items()
+    }
+
+
+def ratio(value: float, by: float) -> float | None:
+    """The ratio; None of nothing by nothing."""
+    return value / by if by else None
+
+
+def mean(values: Floats) -> float | None:
+    """The mean of those that are not NaN; None of none."""
+    known = values[values == values]
+    return float(known.mean()) if len(known) else None
+
+
+def root(value: float | None) -> float | None:
+    """The square root; None of None."""
+    return None if value is None else math.sqrt(value)
