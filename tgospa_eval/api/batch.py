@@ -46,8 +46,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
-from tgospa_eval.engines.engine import Engine, spread
-from tgospa_eval.engines.processes import engine_of
+from tgospa_eval.engines import Engine, engine_of, spread
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices

@@ -14,8 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances.checks import check_columns
-from tgospa_eval.engines.engine import Engine
-from tgospa_eval.engines.processes import PersistentPool, Processes
+from tgospa_eval.engines import Engine, PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
