@@ -312,7 +312,7 @@ class Result(Showable, PairEvaluation):
         ConfigError
             `top` is less than 1, or the result was not made by `evaluate`.
         """
-        from tgospa_eval.explain.explain import explain  # lazy: slow to import
+        from tgospa_eval.explain import explain  # lazy: slow to import
 
         return explain(self, top)
 

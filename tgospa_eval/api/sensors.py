@@ -14,9 +14,8 @@ from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Columns
-from tgospa_eval.sensors.association import Pairing
-from tgospa_eval.sensors.association import associate as associate_states
-from tgospa_eval.sensors.reduction import reduce_trajectories
+from tgospa_eval.sensors import Pairing, reduce_trajectories
+from tgospa_eval.sensors import associate as associate_states
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:

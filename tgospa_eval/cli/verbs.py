@@ -5,11 +5,11 @@ from importlib import import_module
 import click
 
 VERBS = {
-    "evaluate": ("evaluate.command", "Evaluate an estimate; the verb if none is given."),
+    "evaluate": ("evaluate", "Evaluate an estimate; the verb if none is given."),
     "inspect": ("inspect", "Show what is in the files, and what looks wrong."),
     "explain": ("explain", "Show which single repairs would save most, proven."),
     "gate": ("gate", "Fail a CI job if the estimate got worse."),
-    "compare": ("compare.command", "Rank several estimates, or compare solvers."),
+    "compare": ("compare", "Rank several estimates, or compare solvers."),
     "batch": ("batch", "Evaluate a whole benchmark or study."),
     "verify": ("verify", "Check the proof of a value, in exact integers."),
     "simulate": ("simulate", "Make a ground truth and an estimate to try it on."),

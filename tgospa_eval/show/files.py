@@ -21,7 +21,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.slices import slices_columns
-from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.charts import CHARTS, pictures
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.style import FILES

@@ -20,7 +20,7 @@ from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.plot_data import PlotData, plot_data
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,

@@ -40,7 +40,7 @@ from tgospa_eval.show.side_tables import (
 from tgospa_eval.text import ending, option, visible
 
 if TYPE_CHECKING:
-    from tgospa_eval.sensors.association import Pairing
+    from tgospa_eval.sensors import Pairing
 
 SHOWN = 5
 COUNTED = {
