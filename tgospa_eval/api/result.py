@@ -9,9 +9,8 @@ from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.results.evaluation import DOCUMENTED, Evaluation
 from tgospa_eval.results.explanation import Explanation
-from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import SPLIT_PARTS, PairProof
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:

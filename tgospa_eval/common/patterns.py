@@ -92,7 +92,7 @@ def meant(
     inside : callable
         Names of the runs in a file.
     """
-    from tgospa_eval.common.manifest import results_in  # lazy: reading one pair does without
+    from tgospa_eval.common.writing import results_in  # lazy: reading one pair does without
 
     real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
 

@@ -38,9 +38,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.problem.certificate import ROUNDOFF, certify, lower_bounds, lower_cost
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.explanation import Explanation, Repair
-from tgospa_eval.results.numbers import outward
-from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import Columns, PairProof, outward
 from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start

@@ -19,26 +19,24 @@ from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.numbers import (
-    SPLIT_PARTS,
-    USUAL_SCORE,
-    Calibration,
-    Similarity,
-    costliest,
-    members_in_words,
-    outward,
-)
 from tgospa_eval.results.records import (
     PARTS,
+    SPLIT_PARTS,
+    USUAL_SCORE,
     Arrays,
+    Calibration,
     Columns,
     Costs,
     Json,
     Labels,
     MetricSums,
     OtherMetrics,
+    Similarity,
     as_lists,
+    costliest,
     json_text,
+    members_in_words,
+    outward,
     records,
     step_columns,
 )

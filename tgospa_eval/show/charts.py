@@ -35,7 +35,7 @@ _PARTS = ("parts",)
 _PLANE = Chart("plane:draw_plane", ("columns",))
 _RESULT = {
     "costs": Chart("overtime:draw_costs", _PARTS),
-    "lanes": Chart("lanes:draw_lanes"),
+    "lanes": Chart("overtime:draw_lanes"),
     "plane": _PLANE,
     "cumulative": Chart("overtime:draw_cumulative", _PARTS),
     "worst": Chart("overtime:draw_worst", _PARTS),

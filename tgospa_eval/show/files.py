@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 from urllib.parse import quote
 
-from tgospa_eval.common import manifest
+from tgospa_eval.common import writing as manifest
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import PairProof
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.charts import CHARTS, pictures

@@ -20,7 +20,7 @@ from tgospa_eval.text import clipped, listed, visible
 if TYPE_CHECKING:
     from click.types import OptionHelpExtra
 
-    from tgospa_eval.campaign.gate.target import Target
+    from tgospa_eval.campaign.gate.suite import Target
 
 PATH = click.Path(readable=False)
 
