@@ -169,6 +169,9 @@ def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
         yield ended.get()
 
 
+# -------------------------------------------------------------------------------------------------
+# Worker processes on this machine: loky, as joblib brings it.
+
 PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
 
@@ -349,6 +352,11 @@ class PersistentPool:
             self._pool = self._stack.enter_context(self.engine.open(self.most))
         yield self._pool
 
+
+# -------------------------------------------------------------------------------------------------
+# Workers of a cluster: that of a Dask scheduler which is there already.
+#
+# Whatever Dask raises and prints stays in this module.
 
 CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
@@ -532,6 +540,11 @@ def call_checked(content: bytes, version: str) -> Any:
     function, arguments = pickle.loads(content)
     return function(*arguments)
 
+
+# -------------------------------------------------------------------------------------------------
+# One process beside ours, for compiled code that damaged data may end: it alone ends then.
+#
+# It begins with the first call and stays as long as this process does.
 
 SERVE = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "

@@ -300,6 +300,9 @@ def _means_apart(
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
 
 
+# -------------------------------------------------------------------------------------------------
+# Clouds of a whole recording reduced, and what that changed. Knows no file.
+
 CloudChange = tuple[int, int, float | None, float, float | None, float]
 """Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""
 

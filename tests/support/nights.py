@@ -14,8 +14,8 @@ import numpy as np
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.campaign.gate.baseline import Baseline, Measured, make_entry, measured, with_nights
-from tgospa_eval.campaign.gate.groups import FALSE_ALARMS as FALSE_ALARMS
 from tgospa_eval.campaign.gate.groups import judge_groups
+from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS as FALSE_ALARMS
 from tgospa_eval.campaign.gate.outcome import PairOutcome
 from tgospa_eval.campaign.gate.rules import PARTS, Verdict
 from tgospa_eval.campaign.gate.suite import GroupTable, make_group

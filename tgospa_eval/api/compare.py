@@ -67,6 +67,9 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 
+# -------------------------------------------------------------------------------------------------
+# Evaluations over a range of one parameter.
+
 Values: TypeAlias = float | Sequence[float] | Floats
 
 ONE_EVALUATION = ("by", "preprocess", *ALONE)

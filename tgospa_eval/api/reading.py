@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 
+# -------------------------------------------------------------------------------------------------
+# Folders and patterns where a file is needed: what is in them, and what to type instead.
+
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz", ".mat")
 ASIDE = {"det", "img1", "seqmaps"}
 """Folders of MOTChallenge without tracks."""

@@ -242,7 +242,6 @@ class Showable(Evaluation):
         save(self, folder, force=force)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Proof(PairProof):
     """The proof of a result, to be saved for others; fields are those of `PairProof`."""
 
@@ -355,7 +354,6 @@ def result_of(evaluation: PairEvaluation) -> Result:
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ResultInParts(Showable, PartitionedResult):
     """One evaluation of data in parts: sums in memory, tables as files that go with it."""
 

@@ -8,7 +8,7 @@ from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
-from tgospa_eval.common.frozen import dataclass, recast, replace
+from tgospa_eval.common.frozen import recast, replace
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import InputError
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tgospa_eval.show.plot_data import PlotData
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Association(Pairing):
     """Pairs of rows of two sides.
 

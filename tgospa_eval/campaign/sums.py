@@ -308,6 +308,15 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int
     }
 
 
+# -------------------------------------------------------------------------------------------------
+# Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
+#
+# Every run of a group counts at each time, with cost 0 where it has nothing; where no more than
+# half of the runs have a time in common, or a clock is asked for, a run counts from its first step
+# to its last. Sums over time and over runs go from left to right, runs in the order of the jobs,
+# and powers are those of Python, so that a script that adds up single results gets the same
+# doubles.
+
 BAND_RESAMPLES, BAND_SEED = 1000, 1
 """Of the bootstrap."""
 

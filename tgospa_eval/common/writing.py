@@ -163,6 +163,11 @@ def turn(folder: Path) -> Iterator[bool]:
             os.close(at)
 
 
+# -------------------------------------------------------------------------------------------------
+# What a run wrote into a folder, and what stands there while it writes.
+#
+# Without ``--force`` nothing else is replaced or removed.
+
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
 

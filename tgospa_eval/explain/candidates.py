@@ -27,6 +27,9 @@ from tgospa_eval.tracks.existence import EXISTENCE, existence_of
 from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
+# -------------------------------------------------------------------------------------------------
+# What a repair does to the rows of an estimate. Knows no metric.
+
 NO_PARTNER = -1
 """The partner of what is assigned to nothing."""
 

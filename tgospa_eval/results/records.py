@@ -142,6 +142,9 @@ def records(table: Columns) -> list[Json]:
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
+# -------------------------------------------------------------------------------------------------
+# A score from 0 to 1 of an evaluation, and bounds that are rounded outward.
+
 USUAL_SCORE = 0.1
 """What the false targets of the calibration score, as in the authors' scripts."""
 
@@ -259,6 +262,10 @@ def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
     """The names of the highest of these costs, of equal ones the first; none that is 0."""
     order = np.argsort(-cost, kind="stable")[:count]
     return [names[k] for k in order if cost[k] > 0]
+
+
+# -------------------------------------------------------------------------------------------------
+# The two sides as they were compared, and what is proven of them. Knows no solver and no file.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -34,6 +34,12 @@ from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS, Json
 from tgospa_eval.results.slices import SLICE_NUMBERS
 from tgospa_eval.text import option
 
+# -------------------------------------------------------------------------------------------------
+# The one check of stored numbers: of saved results, rows of stores, and baselines alike.
+#
+# Names are those of the document of a result, with a dot between levels. A rule whose numbers are
+# not all there is passed over. Tolerances are those of sums and roots of doubles.
+
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of what was summed."""
 

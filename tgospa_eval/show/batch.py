@@ -570,6 +570,10 @@ def cell_text(value: Interval, largest: float) -> str:
     return high if low == high else f"{low} to {high}"
 
 
+# -------------------------------------------------------------------------------------------------
+# Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
+
+
 def slice_tables(tables: BatchTables) -> Iterator[Table]:
     """Costs of the groups split by attributes, where that was asked for."""
     yield from group_tables(list(tables.heads.values()), list(_named_slices(tables)))

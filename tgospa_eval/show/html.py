@@ -262,6 +262,12 @@ def card(result: Evaluation) -> str:
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
+# -------------------------------------------------------------------------------------------------
+# The page of a batch: who is best and how sure that is, job by job, part by part, over time.
+#
+# Words and numbers from a template, without a script; the page loads nothing. Everything that comes
+# from the user passes through the autoescape of the template.
+
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of parameters."""
 

@@ -277,6 +277,9 @@ def bars(
         axis.set_xticks([])
 
 
+# -------------------------------------------------------------------------------------------------
+# Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps.
+
 VECTOR_SHAPES = 4000
 """Shapes of a kind that are drawn as such in vector files; more become dots."""
 

@@ -411,6 +411,9 @@ def _short(text: str, width: int) -> str:
     return begin + ending(text[len(begin) :], width - len(begin))
 
 
+# -------------------------------------------------------------------------------------------------
+# Words and numbers that all documents of `compare` share.
+
 PART_HEADS = ("local.", "missed", "false", "switch")
 """Of the parts of the cost, as heads of narrow columns."""
 

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from tgospa_eval.sensors import Pairing
 
 
+# -------------------------------------------------------------------------------------------------
+# Tables beside the parts of the cost: other metrics, covariances, slices. Computes nothing.
+
 PARTS_SHOWN = {
     "hota": ("HOTA", ("DetA", "AssA", "LocA")),
     "clear": ("MOTA", ("MOTP", "CLR_FN", "CLR_FP", "IDSW")),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.support import nights
-from tgospa_eval.campaign.gate.groups import Rises, jumps
+from tgospa_eval.campaign.gate.jumps import Rises, jumps
 
 pytestmark = pytest.mark.slow
 

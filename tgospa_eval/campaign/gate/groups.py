@@ -15,10 +15,8 @@ run is dead: it misses more than halfway from the most that a run of its scene e
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.campaign.gate.baseline import (
     Baseline,
@@ -29,6 +27,7 @@ from tgospa_eval.campaign.gate.baseline import (
     number_in,
     typical,
 )
+from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, LEAST_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.rules import (
     OF_NEES,
@@ -48,162 +47,10 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.consistency import NeesSums, chi_square
+from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.text import listed, option, quoted
-
-FALSE_ALARMS = 0.0015
-"""Error of one gate, under what is assumed. No more of simulated trackers jump, whose scenes
-scatter from 0.12 to 0.34."""
-
-OF_SCENES = 0.75
-"""Share of it that is for scenes; the rest is for runs, of which dead ones are known otherwise."""
-
-PRIOR = 10.0
-"""Degrees of freedom that the scatter of other scenes counts for."""
-
-LEAST_SCATTER = 0.05
-"""Of logarithms: runs without random numbers do not make any change a jump."""
-
-SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value: some cost nothing."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rises:
-    """How far the runs of a scene are above what they may cost or miss, on a scale of even scatter.
-
-    Parameters
-    ----------
-    rises : array, shape (m,)
-        Of each run.
-    size : array, shape (m,)
-        Variance of each, where that of one value is 1.
-    of_mean : float
-        The same of their mean.
-    outside : bool array, shape (m,)
-        Whether the run is above all of the baseline.
-    squares, freedom : float
-        Scatter of the baseline.
-    least : float
-        Scatter that is assumed of a single value at least.
-    ever : float
-        The largest rise of a run of the baseline above its other nights, over the root of its size.
-    """
-
-    rises: Floats
-    size: Floats
-    of_mean: float
-    outside: NDArray[np.bool_]
-    squares: float
-    freedom: float
-    least: float
-    ever: float
-
-    @classmethod
-    def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Of costs and, for each run of the baseline, what each of its nights allows.
-
-        None where nothing has a cost.
-        """
-        everything = np.concatenate([now, *allowed])
-        if not everything.any():
-            return None
-        least = SMALLEST * float(everything.mean())
-        nights = [np.log(night + least) for night in allowed]
-        return cls._of(np.log(now + least), nights, paired, LEAST_SCATTER)
-
-    @classmethod
-    def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Of shares of a truth that are missed; `states` is how many states it has about."""
-        now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
-        return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
-
-    @classmethod
-    def _of(cls, now: Floats, nights: Sequence[Floats], paired: bool, least: float) -> Self:
-        means = np.array([night.mean() for night in nights])
-        if paired:
-            squares = sum(float(((night - night.mean()) ** 2).sum()) for night in nights)
-            freedom = sum(len(night) - 1 for night in nights)
-            size = np.array([1 + 1 / len(night) for night in nights])
-            of_mean = float(size.mean()) / len(now)
-        else:
-            squares, freedom = float(((means - means.mean()) ** 2).sum()), len(means) - 1
-            means, size = np.full(len(now), means.mean()), np.full(len(now), 1 + 1 / len(means))
-            of_mean = 1 / len(now) + size[0] - 1
-        several = [(night, len(night)) for night in nights if len(night) > 1]
-        # The mean of the other nights is n / (n - 1) times as far as that of all.
-        above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
-        return cls(
-            rises=now - means,
-            size=size,
-            of_mean=of_mean,
-            outside=now > max(night.max() for night in nights),
-            squares=squares,
-            freedom=freedom,
-            least=least,
-            ever=max(above, default=0.0),
-        )
-
-    def scatter(self) -> tuple[float, float]:
-        """Sum of squares of single values, of both sides, and its degrees of freedom."""
-        squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
-        return self.squares + squares, self.freedom + len(self.rises) - 1
-
-    def without(self, place: int) -> "Rises":
-        """The same without one run, which is not to hide in its own scatter."""
-        kept = np.arange(len(self.rises)) != place
-        return replace(self, rises=self.rises[kept], size=self.size[kept])
-
-
-def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """P values of each scene and of each of its runs, adjusted for the number of all of these."""
-    known = [one for one in scenes if one is not None]
-    squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
-    # The median of a chi-square variable is below its mean.
-    usual = np.divide(
-        squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
-    )
-    runs, ever = sum(len(one.rises) for one in known), max((one.ever for one in known), default=0.0)
-    found: list[tuple[float, Floats]] = []
-    places = iter(range(len(known)))
-    for one in scenes:
-        if one is None:
-            found.append((1.0, np.ones(0)))
-            continue
-        place = next(places)
-        others = np.delete(usual, place)
-        prior = min(PRIOR, float(freedom.sum() - freedom[place]))
-        beside = prior, float(np.nanmedian(others)) if prior > 0 else 0.0
-        scatter = squares[place], freedom[place]
-        scene = _p_value(float(one.rises.mean()), one.of_mean, scatter, beside, one.least)
-        each = np.ones(len(one.rises))
-        outside = one.outside & (one.rises > ever * np.sqrt(one.size))
-        for k in np.flatnonzero(outside) if len(each) > 1 else ():
-            alone, size = one.without(int(k)).scatter(), float(one.size[k])
-            each[k] = _p_value(float(one.rises[k]), size, alone, beside, one.least)
-        count = len(known) / OF_SCENES, runs / (1 - OF_SCENES)
-        found.append((min(count[0] * scene, 1.0), np.minimum(count[1] * each, 1.0)))
-    return found
-
-
-def _p_value(
-    rise: float,
-    size: float,
-    scatter: tuple[float, float],
-    beside: tuple[float, float],
-    least: float,
-) -> float:
-    """One-sided, by Student's t with the moderated variance; 1 below the limit."""
-    from scipy.special import stdtr  # lazy: slow to import
-
-    (squares, freedom), (prior, usual) = scatter, beside
-    if rise <= 0 or freedom + prior <= 0:
-        return 1.0
-    variance = max((squares + prior * usual) / (freedom + prior), least**2)
-    return float(stdtr(freedom + prior, -rise / np.sqrt(variance * size)))
-
 
 FEWEST_RUNS = 5
 """With fewer nothing is inferred."""

@@ -19,6 +19,9 @@ from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import listed, quoted
 
+# -------------------------------------------------------------------------------------------------
+# Files of the target branch: of a git revision, or of a folder beside the working tree.
+
 OPTION = "--against"
 
 
