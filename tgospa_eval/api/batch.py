@@ -296,7 +296,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
     listed = read_manifest(store.folder, BATCH.name) or ()
-    names = {entry.name for entry in listed}
+    names = {name for name, *_ in listed}
     has_page = bool(listed) and unchanged(store.folder, listed) == names
     opened = len(rows) and (rows["status"] == "open").any()
     return Batch(

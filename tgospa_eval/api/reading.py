@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.files import STDIN, is_regular
-from tgospa_eval.common.frozen import dataclass, replace
+from tgospa_eval.common.frozen import replace
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
@@ -52,13 +52,8 @@ FILES_SHOWN = 3
 SHAPES = 20
 
 
-@dataclass(frozen=True)
-class Place:
-    """A folder or a pattern, the files that it stands for below `folder`, and the message."""
-
-    folder: str
-    files: tuple[str, ...]
-    message: str
+Place = tuple[str, tuple[str, tuple[str, ...]]]
+"""What to say of a folder or a pattern; the folder, and the files below it for which it stands."""
 
 
 def check_places(paths: Sequence[str]) -> None:
@@ -72,7 +67,7 @@ def check_places(paths: Sequence[str]) -> None:
     places = [find_place(path) for path in paths]
     if any(places):
         messages = [
-            f"{path}: no such file" if place is None else place.message
+            f"{path}: no such file" if place is None else place[0]
             for path, place in zip(paths, places, strict=True)
             if place is not None or not (path == STDIN or os.path.lexists(file_of(path)))
         ]
@@ -84,7 +79,7 @@ def find_place(path: str) -> Place | None:
     if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
-        return Place(path, files, f"{path}: is a folder, not a file; {inside}")
+        return f"{path}: is a folder, not a file; {inside}", (path, files)
     pattern = re.search(r"[*?[]", path)
     if pattern is None or os.path.lexists(path):
         return None
@@ -95,12 +90,12 @@ def find_place(path: str) -> Place | None:
     if found:
         files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in found)
         message = f"{path}: is a pattern, not a file; it fits {listed(found, FILES_SHOWN)}"
-        return Place(folder, files, message)
+        return message, (folder, files)
     files = tuple(_files(folder or "."))
     inside = (
         f"{folder or 'this folder'} has {listed(files, FILES_SHOWN)}" if files else "there is none"
     )
-    return Place(folder, files, f"{path}: no file fits this pattern; {inside}")
+    return f"{path}: no file fits this pattern; {inside}", (folder, files)
 
 
 def _files(folder: str) -> Iterator[str]:
@@ -127,7 +122,7 @@ def _files(folder: str) -> Iterator[str]:
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
     """What to type."""
     shapes = [
-        _shapes(("", (path,)) if place is None else (place.folder, place.files))
+        _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
     ]
     if len(shapes) == 1:

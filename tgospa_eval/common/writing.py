@@ -6,14 +6,13 @@ import importlib
 import json
 import os
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from tgospa_eval.common.documents import COUNT, TEXT, Closed, checked, one_of
 from tgospa_eval.common.files import named, patience, reason
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 
 FRESH = ".tgospa-eval-new-"
@@ -185,51 +184,20 @@ OF_DATA = ("simulate", "proof")
 """Kinds of folders whose files are truths and estimates."""
 
 
-@dataclass(frozen=True)
-class FileEntry:
-    """A file as it was written.
-
-    Parameters
-    ----------
-    name : str
-        Its path in the folder, with slashes.
-    size : int
-        Its bytes.
-    sha256 : str
-        Their hash.
-    """
-
-    name: str
-    size: int
-    sha256: str
-
-    def is_in(self, folder: Path) -> bool:
-        """Whether the file is there, as it was written."""
-        path = folder / self.name
-        return (
-            path.is_file()
-            and path.stat().st_size == self.size
-            and entry(folder, self.name).sha256 == self.sha256
-        )
-
-
-def entries(files: Mapping[str, bytes]) -> tuple[FileEntry, ...]:
-    """Files by name, as entries."""
-    return tuple(
-        FileEntry(name, len(data), hashlib.sha256(data).hexdigest()) for name, data in files.items()
-    )
+FileEntry = tuple[str, int, str]
+"""A file as it was written: its path in the folder, with slashes, its bytes and their SHA-256."""
 
 
 def entry(folder: Path, name: str) -> FileEntry:
     """A file that is there, as an entry."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return FileEntry(name, (folder / name).stat().st_size, digest)
+    return name, (folder / name).stat().st_size, digest
 
 
 def text_of(kind: str, files: Iterable[FileEntry]) -> str:
     """The manifest of a folder of this kind; a name may have several entries while it changes."""
-    listed = [vars(entry) for entry in files]
+    listed = [dict(zip(("name", "size", "sha256"), entry, strict=True)) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
@@ -246,8 +214,8 @@ def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
         document = checked((folder / NAME).read_bytes(), MANIFEST)
     except (FileNotFoundError, IsADirectoryError, ValueError):
         return None, ()
-    listed = tuple(FileEntry(**entry) for entry in document["files"])
-    safe = all(_is_below(PurePosixPath(entry.name)) for entry in listed)
+    listed = tuple((one["name"], one["size"], one["sha256"]) for one in document["files"])
+    safe = all(_is_below(PurePosixPath(name)) for name, *_ in listed)
     return (document["kind"] if safe else None), listed
 
 
@@ -258,13 +226,19 @@ def results_in(folder: Path) -> Callable[[str], bool]:
         return lambda _: True
     with suppress(OSError):  # of a folder that is not to be looked into
         kind, listed = _read(folder)
-        return {entry.name for entry in listed if kind not in OF_DATA}.__contains__
+        return {name for name, *_ in listed if kind not in OF_DATA}.__contains__
     return lambda _: False
 
 
 def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
     """The names that are there as they were written."""
-    return {entry.name for entry in listed if entry.is_in(folder)}
+    return {
+        known[0]
+        for known in listed
+        if (folder / known[0]).is_file()
+        and (folder / known[0]).stat().st_size == known[1]
+        and entry(folder, known[0]) == known
+    }
 
 
 def others(path: Path) -> Iterator[Path]:
@@ -279,7 +253,7 @@ def replace_files(
 
     Returns how many of an older run were taken away. The document goes first and comes last.
     """
-    names = {entry.name for entry in files}
+    names = {name for name, *_ in files}
     for name in names:  # what cannot be shows before anything is taken away
         (path / name).parent.mkdir(parents=True, exist_ok=True)
     old = read_manifest(path, kind) or ()

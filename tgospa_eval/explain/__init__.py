@@ -12,7 +12,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.distances import near_pairs
 from tgospa_eval.errors import ConfigError, InputError, whole_number
-from tgospa_eval.evaluation.axis import check_left, periods_of
+from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.pair import PairEvaluation, source_of
 from tgospa_eval.evaluation.prepare import AlignedPair, PreparedPair, fit, prepare, reach_of
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -45,7 +45,6 @@ from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_s
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
@@ -355,7 +354,7 @@ def _candidates(
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
-    places = _places(result, sides, request)
+    places = StatePlaces(sides, result.proof.parameters, probabilistic=request.probabilistic)
     names = (*result.labels.truths, *result.labels.estimates)
     makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, most)]
     if len(sides.alignment.truth.step):
@@ -369,20 +368,6 @@ def _candidates(
         makers.append(moved(assigned, places))
     for maker in makers:
         yield from (candidate for candidate in maker if candidate.saving > 0)
-
-
-def _places(result: PairEvaluation, sides: AlignedPair, request: EvaluationRequest) -> StatePlaces:
-    columns = sides.read[0].columns
-    periods = periods_of(sides.distance, columns)
-    return StatePlaces(
-        truth=sides.alignment.truth,
-        estimate=sides.alignment.estimate,
-        moments=sides.alignment.truth.times.astype(np.float64),
-        distance=sides.distance.lower_bound,
-        parameters=result.proof.parameters,
-        existence=existence_of(sides.alignment.estimate) if request.probabilistic else None,
-        period=np.array([periods.get(column, np.inf) for column in columns]),
-    )
 
 
 def _repair(

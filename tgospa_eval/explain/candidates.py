@@ -9,14 +9,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Distance
+from tgospa_eval.evaluation.axis import periods_of
+from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.states import States
@@ -34,8 +35,7 @@ NO_PARTNER = -1
 """The partner of what is assigned to nothing."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class AssignedStretch:
+class AssignedStretch(NamedTuple):
     """A truth is assigned to an estimate from one step to another, inclusive.
 
     Where either does not exist the assignment is held, as in the programme.
@@ -124,11 +124,9 @@ class Assigned:
         ):
             before = found[-1] if found else None
             if before and (before.truth, before.estimate) == (truth, estimate):
-                found[-1] = AssignedStretch(
-                    truth=truth, estimate=estimate, begin=before.begin, end=end
-                )
+                found[-1] = before._replace(end=end)
             else:
-                found.append(AssignedStretch(truth=truth, estimate=estimate, begin=begin, end=end))
+                found.append(AssignedStretch(truth, estimate, begin, end))
         return found
 
 
@@ -521,11 +519,10 @@ SAMPLED_PAIRS = 4000
 """Assigned pairs that are looked at for a shift."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class StatePlaces:
     """Where everything is, for estimates of what repairs save.
 
-    Parameters
+    Attributes
     ----------
     truth, estimate : Trajectories
         On the grid.
@@ -541,13 +538,13 @@ class StatePlaces:
         Probability of each estimate row, where these count.
     """
 
-    truth: Trajectories
-    estimate: Trajectories
-    moments: Floats
-    distance: Distance
-    parameters: Parameters
-    period: Floats
-    existence: Floats | None = None
+    def __init__(self, sides: AlignedPair, parameters: Parameters, *, probabilistic: bool) -> None:
+        self.truth, self.estimate = sides.alignment.truth, sides.alignment.estimate
+        self.moments = self.truth.times.astype(np.float64)
+        self.distance, self.parameters = sides.distance.lower_bound, parameters
+        periods = periods_of(sides.distance, columns := sides.read[0].columns)
+        self.period = np.array([periods.get(column, np.inf) for column in columns])
+        self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
         """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""

@@ -235,7 +235,7 @@ def write_texts(
         if files is None:  # it is there, perhaps since a moment ago
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
-    names = [entry.name for entry in files]
+    names = [name for name, *_ in files]
     pictures = sum(name.endswith(PICTURES) for name in names)
     counts = {"file": len(names) - pictures, "picture": pictures}
     parts = [counted(count, what) for what, count in counts.items() if count]
@@ -302,7 +302,7 @@ def _write_all(texts: Files, folder: Path, kind: Kind | None) -> Collection[mani
             continue
         data = content if isinstance(content, bytes) else content.encode()
         (folder / name).write_bytes(data)
-        files += manifest.entries({name: data})
+        files.append((name, len(data), hashlib.sha256(data).hexdigest()))
     if kind is not None:
         text = manifest.text_of(kind.name, files)
         (folder / manifest.NAME).write_text(text, encoding="utf-8")
@@ -338,7 +338,7 @@ def _write_over(
         fresh = path / unique()
         try:
             files = _write_all(texts, fresh, kind)
-            names = [entry.name for entry in files]
+            names = [name for name, *_ in files]
             if kind is not None and where is not None:
                 _check_names(path, kind, names, where)
             blocked = next((name for name in names if (path / name).is_dir()), None)

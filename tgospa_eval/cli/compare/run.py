@@ -155,7 +155,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
     for path in paths:
         place = find_place(path)
         if place is not None:
-            raise InputError(place.message)
+            raise InputError(place[0])
         if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
     if output.output is not None:
