@@ -28,7 +28,6 @@ from typing import Any, Protocol, Self, TypeVar
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common import files
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import available_memory, cores
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
@@ -179,7 +178,6 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 """What linear algebra is told before it is loaded."""
 
 
-@dataclass(frozen=True)
 class Processes:
     """Processes of this machine.
 
@@ -190,7 +188,8 @@ class Processes:
         is available.
     """
 
-    number: int | None = None
+    def __init__(self, number: int | None = None) -> None:
+        self.number = number
 
     @contextmanager
     def open(self, most: int) -> Iterator["Local"]:
@@ -362,7 +361,6 @@ CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
 
 
-@dataclass(frozen=True)
 class Cluster:
     """The workers of a scheduler.
 
@@ -372,7 +370,8 @@ class Cluster:
         Such as ``tcp://host:8786``.
     """
 
-    address: str
+    def __init__(self, address: str) -> None:
+        self.address = address
 
     @contextmanager
     def open(self, most: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)

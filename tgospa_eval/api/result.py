@@ -216,7 +216,7 @@ class Showable(Evaluation):
         ConfigError
             The states are not on the Earth, or it is a sum of several evaluations.
         """
-        from tgospa_eval.show.geojson import geojson  # lazy: slow to import
+        from tgospa_eval.show.files import geojson  # lazy: slow to import
 
         return geojson(self)
 
