@@ -23,7 +23,6 @@ from tgospa_eval.results.records import (
     PARTS,
     SPLIT_PARTS,
     USUAL_SCORE,
-    Arrays,
     Calibration,
     Columns,
     Costs,
@@ -365,11 +364,8 @@ class Evaluation(ABC):
     def _per_step(self) -> Columns:
         """Cost of each step by kind."""
         costs = step_columns(self.proof.breakdown, self.scale)
-        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(self._unjudged_columns())
-
-    def _unjudged_columns(self) -> Arrays:
-        """Numbers of ignored, absorbed and excused states of each step, where there are any."""
-        return {} if self.unjudged is None else dict(vars(self.unjudged))
+        ignored = {} if self.unjudged is None else vars(self.unjudged)
+        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(ignored)
 
     def _curve(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
