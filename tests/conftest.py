@@ -22,7 +22,7 @@ from proven import proven as proven  # a fixture of all tests
 from standing_pool import StandingPool
 
 import tgospa_eval
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines import Processes
 
 # What a shell or a CI may set, and tables would look otherwise.
 for name in ("FORCE_COLOR", "NO_COLOR", "COLORTERM", "COLUMNS", "LINES"):

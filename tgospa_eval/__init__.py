@@ -11,13 +11,13 @@ from tgospa_eval.common.registry import lazy
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.batch import batch as batch
     from tgospa_eval.api.compare import compare as compare
+    from tgospa_eval.api.compare import sweep as sweep
     from tgospa_eval.api.evaluate import evaluate as evaluate
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
     from tgospa_eval.api.result import Result as Result
     from tgospa_eval.api.sensors import associate as associate
     from tgospa_eval.api.sensors import reduce as reduce
-    from tgospa_eval.api.sweep import sweep as sweep
     from tgospa_eval.errors import ConfigError as ConfigError
     from tgospa_eval.errors import InputError as InputError
     from tgospa_eval.errors import SolverError as SolverError
@@ -55,7 +55,7 @@ _HOME = {
     "read_trajectories": "formats",
     "reduce": "api.sensors",
     "simulate": "simulation.settings",
-    "sweep": "api.sweep",
+    "sweep": "api.compare",
     "verify": "proof.check",
 }
 

@@ -11,18 +11,17 @@ from browser import Browser
 from pages import embedded, ink, note, pick, picture, texts
 from scipy.stats import chi2
 
-from tgospa_eval import Trajectories, evaluate
+from tgospa_eval import Trajectories, evaluate, sensors
 from tgospa_eval.api.result import Result
 from tgospa_eval.api.sensors import Association
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.distances import CloudWasserstein
-from tgospa_eval.sensors import association
 from tgospa_eval.show import plot_data as spreads
 from tgospa_eval.tracks.clouds import Clouds
 
 
 def associate(first: Trajectories, second: Trajectories, **options: Any) -> Association:
-    return recast(association.associate(first, second, **options), Association)
+    return recast(sensors.associate(first, second, **options), Association)
 
 
 def laws(covariance: np.ndarray, steps: int = 4) -> Result:

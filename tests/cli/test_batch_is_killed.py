@@ -25,9 +25,9 @@ PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", "-c", "10"
 SCRIPT = (
     "import sys\n"
     "from tgospa_eval.cli import main\n"
-    "from tgospa_eval.engines import engine\n"
+    "from tgospa_eval import engines\n"
     "from tgospa_eval.api import batch as run\n"
-    "engine.ATTEMPTS = [(1, *rest) for _, *rest in engine.ATTEMPTS]\n"
+    "engines.ATTEMPTS = [(1, *rest) for _, *rest in engines.ATTEMPTS]\n"
     "run.FLUSH = 0.02\n"
     "main(sys.argv[1:])\n"
 )

@@ -14,10 +14,9 @@ from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
 
+from tgospa_eval import engines
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.common import files
-from tgospa_eval.engines import cluster as module
-from tgospa_eval.engines import engine
 
 pytest.importorskip("distributed")
 
@@ -79,14 +78,14 @@ def test_same_numbers_while_a_worker_is_killed(
 def test_one_job_that_kills_its_workers_is_to_blame(
     running: Running, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(engine, "ATTEMPTS", (engine.ATTEMPTS[0], engine.ATTEMPTS[-1]))
+    monkeypatch.setattr(engines, "ATTEMPTS", (engines.ATTEMPTS[0], engines.ATTEMPTS[-1]))
     jobs = [FATAL, 1, 2, 3]
-    answers = engine.spread(double, jobs, lambda job: -job, module.Cluster(running.address))
+    answers = engines.spread(double, jobs, lambda job: -job, engines.Cluster(running.address))
     assert sorted(answers) == [-FATAL, 2, 4, 6]
 
 
 def test_what_is_broken_off_is_cancelled(running: Running) -> None:
-    answers = engine.spread(slow, range(1000), abs, module.Cluster(running.address))
+    answers = engines.spread(slow, range(1000), abs, engines.Cluster(running.address))
     next(answers)
     assert running.tasks() > 1
     answers.close()
@@ -99,7 +98,7 @@ def test_what_is_broken_off_is_cancelled(running: Running) -> None:
 def test_workers_with_another_version(
     running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "__version__", "9.9")
+    monkeypatch.setattr(engines, "__version__", "9.9")
     answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", running.address)
     assert (answer.status, answer.out) == (2, "")
     assert "this is 9.9: install the same" in answer.err
@@ -129,7 +128,7 @@ def test_a_scheduler_that_is_lost(
             "stays, and the same command goes on from there\n"
         )
     assert 0 < len(numbers("r")) < RUNS
-    monkeypatch.setattr(module, "CONNECT", 0.3)
+    monkeypatch.setattr(engines, "CONNECT", 0.3)
     again = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", found.address)
     assert again.status == 2
     assert again.err.startswith(f"--scheduler {found.address}: no Dask scheduler answers")
@@ -147,8 +146,8 @@ def test_a_cluster_without_workers_is_waited_for(monkeypatch: pytest.MonkeyPatch
 
     told: list[str] = []
     monkeypatch.setattr(files, "announce", told.append)
-    monkeypatch.setattr(module, "POLL", -1.0)
-    pool = module.Remote("tcp://host:1", Client())
+    monkeypatch.setattr(engines, "POLL", -1.0)
+    pool = engines.Remote("tcp://host:1", Client())
     pool.look()
     pool.look()
     assert told == ["waiting for workers of tcp://host:1"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.shell_completion import BashComplete, FishComplete, ShellComplete, ZshComplete
 
-from tgospa_eval.cli.group import cli
+from tgospa_eval.cli.verbs import cli
 
 PROGRAM = Path(sys.executable).with_name("tgospa-eval")
 

@@ -182,7 +182,7 @@ def test_processes_find_what_one_finds(gate: Invoke, monkeypatch: pytest.MonkeyP
     Path("out/slow/2.csv").unlink()
     write("out/fast/3.csv", "id,t,x,y\na,1,2\n")
     alone = gate("--format", "json", "--jobs", "1")
-    monkeypatch.setattr(tgospa_eval.api.batch_row, "PATIENCE", 0.0)
+    monkeypatch.setattr(tgospa_eval.api.batch, "PATIENCE", 0.0)
     several = gate("--format", "json", "--jobs", "2")
     assert (several.status, several.err) == (alone.status, alone.err)
     assert without_seconds(json.loads(several.out)) == without_seconds(json.loads(alone.out))

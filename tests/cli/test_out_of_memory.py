@@ -73,8 +73,7 @@ def test_a_library_that_finds_no_memory_is_not_missing(
 )
 def test_ends_under_a_limit(environment: dict[str, str], work: str, status: int) -> None:
     script = (
-        "import os, sys, time; from tgospa_eval.cli.guard import guarded; "
-        f"sys.exit(guarded({work}, 130))"
+        f"import os, sys, time; from tgospa_eval.cli import guarded; sys.exit(guarded({work}, 130))"
     )
     done = limited(LARGE, "-c", script, env=environment)
     assert done.returncode == status
@@ -95,7 +94,7 @@ def test_exact_where_threads_find_no_memory(
 def test_a_second_interrupt_ends_what_answers_none(environment: dict[str, str]) -> None:
     script = (
         "import os, signal, sys, time\n"
-        "from tgospa_eval.cli.guard import guarded\n"
+        "from tgospa_eval.cli import guarded\n"
         "def work():\n"
         "    signal.signal(signal.SIGINT, lambda *_: os.kill(os.getppid(), signal.SIGINT))\n"
         "    os.kill(os.getppid(), signal.SIGINT)\n"

@@ -10,7 +10,7 @@ from typing import Any
 
 from joblib.externals.loky import ProcessPoolExecutor
 
-from tgospa_eval.engines import processes
+from tgospa_eval import engines
 
 WORKERS = 2
 
@@ -28,18 +28,18 @@ class StandingPool:
         self.pool: Any = None
 
     @contextmanager
-    def open(self, engine: processes.Processes, most: int) -> Iterator[processes.Local]:
-        number = max(1, min(engine.number or processes.cores(), most))
+    def open(self, engine: engines.Processes, most: int) -> Iterator[engines.Local]:
+        number = max(1, min(engine.number or engines.cores(), most))
         if self.pool is None:
-            processes._begin_trackers()
+            engines._begin_trackers()
             self.pool = ProcessPoolExecutor(
                 max_workers=WORKERS,
-                initializer=processes._begin,
+                initializer=engines._begin,
                 initargs=(None, os.getpid()),
-                env=processes.ONE_THREAD,
+                env=engines.ONE_THREAD,
             )
         try:
-            yield processes.Local(Lent(self.pool), number)
+            yield engines.Local(Lent(self.pool), number)
         except BaseException:
             self.close()
             raise

@@ -28,7 +28,6 @@ from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
 from tgospa_eval.campaign import pairs
-from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
 from tgospa_eval.campaign.store import (
@@ -39,15 +38,14 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.sums import check_labels, data_warnings, tabulated
+from tgospa_eval.campaign.sums import check_labels, data_warnings, rms_curves, tabulated
 from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.manifest import read_manifest, unchanged
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
-from tgospa_eval.engines.engine import Engine, spread
-from tgospa_eval.engines.processes import engine_of
+from tgospa_eval.common.writing import read_manifest, unchanged
+from tgospa_eval.engines import Engine, engine_of, spread
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
@@ -55,8 +53,7 @@ from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
 from tgospa_eval.results.records import Json
-from tgospa_eval.show.batch import BatchTables, curves_csv
-from tgospa_eval.show.batch_text import batch_report, slices_of_groups
+from tgospa_eval.show.batch import BatchTables, batch_report, curves_csv, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, option, quoted
@@ -299,7 +296,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
     listed = read_manifest(store.folder, BATCH.name) or ()
-    names = {entry.name for entry in listed}
+    names = {name for name, *_ in listed}
     has_page = bool(listed) and unchanged(store.folder, listed) == names
     opened = len(rows) and (rows["status"] == "open").any()
     return Batch(
@@ -647,7 +644,7 @@ def batch_files(
     notify : callable
         Gets what is made next, and the share that is done.
     """
-    from tgospa_eval.show.batch_page import batch_page  # lazy: only where it is written
+    from tgospa_eval.show.html import batch_page  # lazy: only where it is written
 
     def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""

@@ -23,8 +23,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import fault_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.engines.engine import spread
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines import Processes, spread
 from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER

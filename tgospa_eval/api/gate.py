@@ -37,9 +37,10 @@ from tgospa_eval.campaign.gate.rules import OF_NEES, Verdict
 from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
     GroupTable,
+    Target,
+    last_change,
     load_suite,
 )
-from tgospa_eval.campaign.gate.target import Target, last_change
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store, is_store

@@ -156,7 +156,7 @@ def evaluate_in_parts(
     TgospaError
         Something is wrong with options or data.
     """
-    from tgospa_eval.engines.processes import engine_of  # lazy: few need it
+    from tgospa_eval.engines import engine_of  # lazy: few need it
     from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 
     jobs = jobs_of(options)

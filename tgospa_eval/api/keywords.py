@@ -10,7 +10,7 @@ from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
 from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, Request
-from tgospa_eval.common.options import OptionSpec
+from tgospa_eval.common.config import OptionSpec
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 

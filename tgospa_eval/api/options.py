@@ -9,9 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, get_args
 
 from tgospa_eval.common import config
-from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.config import SettingsFile, Values, setting
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.options import Values, setting
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.errors import ConfigError

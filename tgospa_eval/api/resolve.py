@@ -21,7 +21,7 @@ from tgospa_eval.formats.objects import as_step_weights
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
-from tgospa_eval.results.numbers import Calibration
+from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.text import option, surface

@@ -9,9 +9,8 @@ from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.results.evaluation import DOCUMENTED, Evaluation
 from tgospa_eval.results.explanation import Explanation
-from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import SPLIT_PARTS, PairProof
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
@@ -217,7 +216,7 @@ class Showable(Evaluation):
         ConfigError
             The states are not on the Earth, or it is a sum of several evaluations.
         """
-        from tgospa_eval.show.geojson import geojson  # lazy: slow to import
+        from tgospa_eval.show.files import geojson  # lazy: slow to import
 
         return geojson(self)
 
@@ -243,7 +242,6 @@ class Showable(Evaluation):
         save(self, folder, force=force)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Proof(PairProof):
     """The proof of a result, to be saved for others; fields are those of `PairProof`."""
 
@@ -312,7 +310,7 @@ class Result(Showable, PairEvaluation):
         ConfigError
             `top` is less than 1, or the result was not made by `evaluate`.
         """
-        from tgospa_eval.explain.explain import explain  # lazy: slow to import
+        from tgospa_eval.explain import explain  # lazy: slow to import
 
         return explain(self, top)
 
@@ -356,7 +354,6 @@ def result_of(evaluation: PairEvaluation) -> Result:
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ResultInParts(Showable, PartitionedResult):
     """One evaluation of data in parts: sums in memory, tables as files that go with it."""
 

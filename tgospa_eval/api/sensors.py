@@ -8,15 +8,14 @@ from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
-from tgospa_eval.common.frozen import dataclass, recast, replace
+from tgospa_eval.common.frozen import recast, replace
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Columns
-from tgospa_eval.sensors.association import Pairing
-from tgospa_eval.sensors.association import associate as associate_states
-from tgospa_eval.sensors.reduction import reduce_trajectories
+from tgospa_eval.sensors import Pairing, reduce_trajectories
+from tgospa_eval.sensors import associate as associate_states
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from tgospa_eval.show.plot_data import PlotData
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Association(Pairing):
     """Pairs of rows of two sides.
 

@@ -121,12 +121,12 @@ def match(
 
     Arguments as of `of_patterns`; a truth without fields is one without values.
     """
-    truths = patterns.meant(truth, folders[0], output=output, inside=inside)
-    estimates = patterns.meant(
+    truths, passed_over = patterns.meant(truth, folders[0], output=output, inside=inside)
+    estimates, more = patterns.meant(
         estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
     )
-    values = [own for _, own in truths.files] if patterns.fields(truth) else [{}]
-    return values, estimates.files, tuple((truths.notices | estimates.notices).values())
+    values = [own for _, own in truths] if patterns.fields(truth) else [{}]
+    return values, estimates, tuple((passed_over | more).values())
 
 
 def groups_of(files: Iterable[Mapping[str, str]], others: Sequence[str]) -> list[Values]:
@@ -458,11 +458,9 @@ def compared_runs(
             each.append(path)
             notices |= _hidden(path)
             continue
-        meant = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
-        notices |= {
-            why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
-        }
-        groups = groups_of(_values(path, meant), others)
+        files, left = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
+        notices |= {why if why == patterns.DOTTED else text: text for why, text in left.items()}
+        groups = groups_of(_values(path, files, left.values()), others)
         for text in itertools.chain(*(group.values() for group in groups)):
             if own and patterns.fields(text):
                 raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
@@ -529,13 +527,17 @@ def _hidden(pattern: str) -> dict[str, str]:
     """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
     if not is_pattern(pattern):
         return {}
-    meant = patterns.meant(_shape(pattern), inside=runs_inside)
-    found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
+    _, left = patterns.meant(_shape(pattern), inside=runs_inside)
+    found = {why: text for why, text in left.items() if why == patterns.DOTTED}
     star = not patterns.fields(pattern)
     return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
 
 
-def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mapping[str, str]]:
+def _values(
+    pattern: str,
+    files: Iterable[tuple[str, Mapping[str, str]]] | None = None,
+    notices: Iterable[str] = (),
+) -> Iterator[Mapping[str, str]]:
     """What the fields stand for in each file: in all that are like the pattern, or in these.
 
     Raises
@@ -544,9 +546,9 @@ def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mappi
         No file is like the pattern, or one is in two ways.
     """
     shape = _shape(pattern)
-    found = list(patterns.found(shape, inside=runs_inside)) if meant is None else meant.files
+    found = list(patterns.found(shape, inside=runs_inside) if files is None else files)
     if not found:
-        raise InputError(f"{pattern}: no such files", *(meant.notices.values() if meant else ()))
+        raise InputError(f"{pattern}: no such files", *notices)
     for path, values in found:
         if patterns.is_ambiguous(shape, path):
             raise InputError(f"{path}: the fields of {pattern} fit it in two ways")

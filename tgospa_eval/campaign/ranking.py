@@ -53,12 +53,21 @@ from tgospa_eval.problem.gospa import (
     per_step_gospa,
 )
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.numbers import MEAN, SPLIT_PARTS, SPREAD, outward
-from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
+from tgospa_eval.results.records import (
+    MEAN,
+    PARTS,
+    SPLIT_PARTS,
+    SPREAD,
+    Columns,
+    Json,
+    OtherMetrics,
+    Time,
+    outward,
+)
 from tgospa_eval.results.saved import of_metric
 from tgospa_eval.show.batch import Places, Ranking
-from tgospa_eval.show.phrases import RULES, Rule
-from tgospa_eval.show.side_tables import COMPARED
+from tgospa_eval.show.rendering import RULES, Rule
+from tgospa_eval.show.result_text import COMPARED
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.coverage import DIGESTS, incomparable, judge_alike, judged_of

@@ -23,10 +23,8 @@ from tgospa_eval.common.interval import Interval, equal, overlap
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
-from tgospa_eval.results.contradictions import UNLIKE_COUNTS, contradictions
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.results.numbers import SPLIT_PARTS
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS
 from tgospa_eval.results.saved import (
     ACCURACY,
     JUDGED,
@@ -36,6 +34,8 @@ from tgospa_eval.results.saved import (
     PARAMETERS,
     ROLES,
     SLICING,
+    UNLIKE_COUNTS,
+    contradictions,
     slices_fault,
 )
 from tgospa_eval.results.summary import SUMMARY, flat

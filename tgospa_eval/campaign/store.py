@@ -28,14 +28,13 @@ from tgospa_eval.common.documents import (
     read_document,
 )
 from tgospa_eval.common.files import named
-from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
-from tgospa_eval.common.writing import take_lock, writing
+from tgospa_eval.common.writing import STORE, STORE_SCHEMA, take_lock, writing
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.loading import reason_of
-from tgospa_eval.results.contradictions import ADD_UP, AGREE, TINY
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.saved import ADD_UP, AGREE, TINY
 from tgospa_eval.results.saved import SETTINGS_FILE as USED_FILE
 from tgospa_eval.text import option, quoted
 

@@ -7,14 +7,19 @@ the bounds.
 """
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tgospa_eval.campaign.ranking import rankings
 from tgospa_eval.campaign.row import (
     LABEL,
     STORED_SLICES,
     covariances_of,
+    in_words,
     job_name,
     label_names,
     pair_numbers,
@@ -22,20 +27,40 @@ from tgospa_eval.campaign.row import (
     truths,
     with_parameters,
 )
-from tgospa_eval.campaign.statistics import confidence
+from tgospa_eval.campaign.statistics import (
+    CONFIDENCE,
+    LEAST_PAIRS,
+    NUMBERS_AT_ONCE,
+    confidence,
+    intervals,
+)
+from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.times import TimeError, parse_times, places
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import STORED_NEES
-from tgospa_eval.results.numbers import MEAN
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
+from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
 from tgospa_eval.results.slices import Slicing, added_up
-from tgospa_eval.show.batch import BatchTables, Ranking
-from tgospa_eval.text import option
+from tgospa_eval.show.batch import (
+    KIND_COLUMN,
+    POINT_COLUMNS,
+    Band,
+    BandKind,
+    BatchTables,
+    CurveKind,
+    Ranking,
+    RmsCurve,
+)
+from tgospa_eval.text import listed, option
+from tgospa_eval.tracks.durations import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 WITH_PREFIX = "with."
 """What columns of other metrics begin with."""
@@ -281,3 +306,352 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int
         int(number): list(added_up([[*map(Slicing.of, json.loads(text))] for text in texts]))
         for number, texts in stored.groupby(numbers[stored.index])
     }
+
+
+# -------------------------------------------------------------------------------------------------
+# Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
+#
+# Every run of a group counts at each time, with cost 0 where it has nothing; where no more than
+# half of the runs have a time in common, or a clock is asked for, a run counts from its first step
+# to its last. Sums over time and over runs go from left to right, runs in the order of the jobs,
+# and powers are those of Python, so that a script that adds up single results gets the same
+# doubles.
+
+BAND_RESAMPLES, BAND_SEED = 1000, 1
+"""Of the bootstrap."""
+
+BAND_LEVELS = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+"""Ends of bands."""
+
+BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
+"""Draws that are at either end of a band, or outside."""
+
+MOST_BANDED = 20_000
+"""Times with bands, of runs that have few in common."""
+
+Bounds = tuple[Sequence[float], Sequence[float]]
+
+Line = tuple[list[float], Band | None]
+"""Root mean squares, and what is around them; None where there are too few runs."""
+
+LEAST_RUNS: Mapping[BandKind, int] = {
+    "interval": LEAST_PAIRS,
+    "bootstrap": LEAST_PAIRS,
+    "percentiles": 2,
+    "deviation": 2,
+}
+"""With fewer there are no bands."""
+
+
+def rms_curves(
+    rows: "pd.DataFrame",
+    steps: "pd.DataFrame | None",
+    by: Sequence[str],
+    band: BandKind = "interval",
+    over: str | None = None,
+) -> tuple[list[RmsCurve], list[str]]:
+    """The curves of each group of jobs whose steps are stored, and what is to be told of them.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store, in the order of the jobs.
+    steps : DataFrame, optional
+        Of these rows, as `read_steps` has them.
+    by : sequence of str
+        Labels that make a group; parameters that differ make groups as well.
+    band : str
+        What is around the curves.
+    over : {"start", "stamps"}, optional
+        Whether times are those since the start of each run, or its stamps; by default stamps, or
+        since the start where the runs of a group have no time in common.
+    """
+    if steps is None:
+        return [], []
+    rows, differing = with_parameters(rows)
+    valued = rows[rows["status"] != "failed"]
+    there = [name for name in by if name in label_names(rows)]
+    keys = [*(LABEL + name for name in there), *differing]
+    heads = [*shown_labels(there, {KIND_COLUMN, *POINT_COLUMNS, *differing}), *differing]
+    grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
+    number = np.full(int(rows.index.max()) + 1, -1)
+    number[valued.index] = grouped.ngroup()
+    parts: dict[Any, pd.DataFrame] = dict(iter(steps.groupby(number[steps["job"]])))
+    found: list[RmsCurve] = []
+    notes: dict[str, list[str]] = {}
+    for k, (_, group) in enumerate(grouped):
+        if k not in parts:
+            continue
+        first = group.iloc[0]
+        labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
+        about: list[str] = []
+        # A run without any step has nothing at all times.
+        counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
+        try:
+            jobs = group.index[counts].to_numpy()
+            made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
+            for kind, runs, found_lines, bounds in made:
+                lines = dict(zip(COST_COLUMNS, found_lines, strict=False))
+                found.append(
+                    RmsCurve(
+                        group=labels,
+                        kind=kind,
+                        times=runs.times,
+                        runs=runs.present.tolist(),
+                        rms={name: rms for name, (rms, _) in lines.items()},
+                        bands={name: band for name, (_, band) in lines.items() if band},
+                        bounds=bounds,
+                        band=band,
+                    )
+                )
+        except TimeError as error:
+            about.append(f"there are none: {error}")
+        if not counts.all():
+            missing = f"{np.count_nonzero(~counts):,} of {counted(len(counts), 'run')}"
+            about.append(f"of {missing} no steps are stored, and these do not count")
+        for text in about:
+            notes.setdefault(text, []).append("/".join(labels.values()) or "all jobs")
+    return found, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
+
+
+def _curves(
+    steps: "pd.DataFrame",
+    jobs: Ints,
+    order: float,
+    shown: tuple[BandKind, str | None],
+    notes: list[str],
+) -> Iterator[tuple[CurveKind, "_Runs", list[Line], Bounds | None]]:
+    """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
+    runs = _Runs(steps, jobs, order, *shown)
+    if shown[1] is None and runs.over == "start":
+        notes.append(
+            "the runs have no time in common: t is the time since the start of each run, and a run "
+            f"counts up to its last step; {option('over', 'stamps')} keeps its stamps"
+        )
+    elif runs.apart:
+        bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
+        notes.append(
+            "at most times half of the runs or fewer have a step, and the others count with "
+            f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
+        )
+    costs = runs.columns(COST_COLUMNS)
+    yield "step", runs, [runs.line(row, carried=False) for row in costs], None
+    yield "cumulative", runs, [runs.line(row, carried=True) for row in runs.so_far(costs)], None
+    traced = steps[steps[CURVE_COLUMNS[0]].notna()]
+    if not len(traced):
+        return
+    having = np.isin(jobs, traced["job"]) | ~np.isin(jobs, steps["job"])
+    if not having.all():
+        missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
+        notes.append(f"{missing} have no values of the steps up to each step")
+    runs = _Runs(traced, jobs[having], order, *shown)
+    powers = [[value**order for value in own] for own in runs.columns(CURVE_COLUMNS).tolist()]
+    value, lower, upper = np.array(powers)
+    line = runs.line(value, (lower, upper), carried=True)
+    yield "growing", runs, [line], (runs.rms(lower, carried=True), runs.rms(upper, carried=True))
+
+
+def _band(kind: BandKind, lower: Floats, upper: Floats, order: float) -> Floats:
+    """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
+    runs, root = len(lower), 1 / order
+    if kind == "interval":
+        return np.stack(intervals(lower.T / runs, upper.T / runs, order))
+    if kind == "bootstrap":
+        least = _resampled(lower)
+        most = least if upper is lower else _resampled(upper)
+        return np.stack([least[BAND_TAIL - 1], most[-BAND_TAIL]]) ** root
+    low, high = lower**root, upper**root
+    if kind == "percentiles":
+        levels = zip((low, high), BAND_LEVELS, strict=True)
+        return np.stack([np.quantile(values, level, axis=0) for values, level in levels])
+    least, most = (side.mean(axis=0) ** root for side in (lower, upper))
+    least, most = least - low.std(axis=0, ddof=1), most + high.std(axis=0, ddof=1)
+    return np.stack([np.maximum(least, 0.0), most])
+
+
+def _resampled(costs: Floats) -> Floats:
+    """Means of costs (N, K) of runs that are drawn with replacement, sorted."""
+    runs, rng = len(costs), np.random.default_rng(BAND_SEED)
+    draws = max(1, NUMBERS_AT_ONCE // runs)
+    means = np.concatenate(
+        [
+            rng.multinomial(runs, [1 / runs] * runs, min(draws, BAND_RESAMPLES - done)) @ costs
+            for done in range(0, BAND_RESAMPLES, draws)
+        ]
+    )
+    means /= runs
+    means.sort(axis=0)
+    return means
+
+
+class _Runs:
+    """The R steps of N runs, by run and time, and the T times at which any run has one.
+
+    Raises
+    ------
+    TimeError
+        Times are of several kinds.
+    """
+
+    def __init__(
+        self,
+        steps: "pd.DataFrame",
+        jobs: Ints,
+        order: float,
+        band: BandKind,
+        over: str | None = None,
+    ) -> None:
+        import pandas as pd
+
+        codes, texts = pd.factorize(steps["t"].to_numpy())
+        read = [_as_read(text) for text in texts]
+        (place,) = places([read])
+        run, place = np.searchsorted(jobs, steps["job"]), place[codes]
+        self.over, self.alone = over, over is not None
+        by_run = np.lexsort((place, run))
+        begins = np.flatnonzero(np.diff(run[by_run], prepend=-1)).tolist()
+        self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
+        at_once = _running(place[by_run], self.slices, len(read))
+        if over is None and 2 * at_once.max() <= len(begins):
+            self.over, self.alone = "start", True
+        if self.over == "start":  # which leaves the order of the steps of a run
+            since = _since_start(read, codes, run, len(jobs))
+            values, place = np.unique(since, return_inverse=True)
+            read, codes = values.tolist(), place
+        self.order, self.band = order, band
+        self.count, self.steps = len(jobs), steps.iloc[by_run]
+        self.run, self.place = run[by_run], place[by_run]
+        # Of equal times, as 1 and 1.0, that of the first run is shown.
+        first = by_run[np.unique(self.place, return_index=True)[1]]
+        self.times: list[Time] = [read[code] for code in codes[first].tolist()]
+        self.divisor = np.maximum(self.columns(["steps"])[0], 1)
+        size = len(self.times)
+        self.present = np.full(size, self.count)
+        if self.alone:
+            self.present = _running(self.place, self.slices, size)
+
+    def columns(self, names: Sequence[str]) -> Floats:
+        """Columns (M, R) of the steps."""
+        return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
+
+    @cached_property
+    def apart(self) -> bool:
+        """Whether most times within several runs are steps of half of these or fewer."""
+        size = len(self.times)
+        inside = _running(self.place, self.slices, size)
+        having = np.bincount(self.place, minlength=size)[inside > 1]
+        few = 2 * having <= inside[inside > 1]
+        return bool(2 * np.count_nonzero(few) > len(few))
+
+    @property
+    def many(self) -> bool:
+        """Whether bands, which take runs by times instead of rows, would take too long."""
+        return self.apart and len(self.times) > MOST_BANDED
+
+    def so_far(self, costs: Floats) -> Floats:
+        """Sums of the costs (M, R) up to each step, by the steps of the horizon up to it."""
+        found = np.empty_like(costs)
+        for own in self.slices:
+            np.cumsum(costs[:, own], axis=1, out=found[:, own])
+        found /= self.divisor
+        return found
+
+    def sums(self, costs: Floats, *, carried: bool) -> Floats:
+        """Sums over the runs, from the first to the last, of costs (R,) at each time.
+
+        Where they are `carried` a run has at each time that of its last step up to it.
+        """
+        size = len(self.times)
+        found = np.zeros(size)
+        for own in self.slices:
+            place = self.place[own]
+            if carried:
+                end = place[-1] + 1 if self.alone else size
+                found[place[0] : end] += np.repeat(costs[own], np.diff(place, append=end))
+            else:
+                found[place] += costs[own]
+        return found
+
+    def rms(self, costs: Floats, *, carried: bool) -> list[float]:
+        """Root mean squares over the runs of costs (R,) at each time."""
+        means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
+        return [cost ** (1 / self.order) for cost in means.tolist()]
+
+    def line(
+        self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
+    ) -> Line:
+        """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
+        band = None
+        if self.count >= LEAST_RUNS[self.band] and not self.many:
+            ends = []
+            for row, there, within in self.cells(carried=carried):
+                cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
+                found = np.full((2, row.shape[1]), np.nan)
+                cuts = np.flatnonzero((within[:, 1:] != within[:, :-1]).any(axis=0)) + 1
+                for begin, end in pairwise([0, *cuts.tolist(), row.shape[1]]):
+                    own = within[:, begin]
+                    if np.count_nonzero(own) >= LEAST_RUNS[self.band]:
+                        some = [side[own, begin:end] for side in cells]
+                        found[:, begin:end] = _band(self.band, some[0], some[-1], self.order)
+                ends.append(found)
+            low, high = (
+                [None if value != value else value for value in side]
+                for side in np.concatenate(ends, axis=1).tolist()
+            )
+            band = low, high
+        return self.rms(costs, carried=carried), band
+
+    def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
+        """Of some times after the others the steps (N, K) of all runs, and whether there are such.
+
+        Where they are `carried` a run has at each time its last step up to it. The last array says
+        which runs count.
+        """
+        ends = np.array([[0, len(self.times)]] * self.count)
+        if self.alone:
+            ends[:] = (1, 0)  # of runs without steps
+            for own in self.slices:
+                ends[self.run[own.start]] = self.place[[own.start, own.stop - 1]]
+        size = len(self.times)
+        keys = self.run * size + self.place
+        width = max(1, NUMBERS_AT_ONCE // max(self.count, BAND_RESAMPLES))
+        for low in range(0, size, width):
+            first = size * np.arange(self.count)[:, None]
+            wanted = first + np.arange(low, min(low + width, size))
+            row = np.searchsorted(keys, wanted, side="right") - 1
+            there = (row >= 0) & (keys[row] >= (first if carried else wanted))
+            at = wanted - first
+            yield row, there, (at >= ends[:, :1]) & (at <= ends[:, 1:])
+
+
+def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
+    """How many runs, each with its places in order, are between their first and last (size,)."""
+    change = np.zeros(size + 1, np.int64)
+    for own in runs:
+        change[place[own.start]] += 1
+        change[place[own.stop - 1] + 1] -= 1
+    return np.cumsum(change)[:-1]
+
+
+def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
+    """Times of steps since the first step of their run, in seconds or the unit of the stamps."""
+    times = parse_times(list(map(str, read)), floats)
+    value = times.value[codes]
+    first = np.full(runs, value.max(), value.dtype)
+    np.minimum.at(first, run, value)
+    since = (value - first[run]) / (1 if times.clock == "number" else SECOND)
+    return np.asarray(np.round(since, DIGITS_OF_TIMES) + 0.0)
+
+
+DIGITS_OF_TIMES = 9
+"""Of seconds since a start: those of differences of decimals beyond are rounding."""
+
+
+def _as_read(text: str) -> Time:
+    """A time of which the text is stored."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return text

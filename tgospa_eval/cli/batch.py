@@ -72,7 +72,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     """
     from tgospa_eval.api.batch import evaluate_batch, tables_of
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.show.batch_text import batch_report
+    from tgospa_eval.show.batch import batch_report
 
     output = OutputOptions.of(options)
     if paths[:1] == ("report",):

@@ -55,7 +55,7 @@ class Gate(Verb):
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
             if where:
-                from tgospa_eval.campaign.gate.target import Target  # lazy: few gates have one
+                from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have one
 
                 ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
         return super().parse_args(ctx, args)

@@ -55,9 +55,8 @@ def command(
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.progress import Stopwatch
-    from tgospa_eval.inspection import inspect
+    from tgospa_eval.inspection import inspect, table
     from tgospa_eval.results.records import Json, json_text
-    from tgospa_eval.show.inspection import table
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"

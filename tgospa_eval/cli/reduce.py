@@ -72,7 +72,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.formats.write import TABLES
     from tgospa_eval.results.records import json_text, records
-    from tgospa_eval.sensors.reduction import CHANGES, HISTORY
+    from tgospa_eval.sensors import CHANGES, HISTORY
     from tgospa_eval.show.files import check_file
     from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.result_text import reduction_text

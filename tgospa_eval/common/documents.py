@@ -2,7 +2,7 @@
 
 A description is a `FieldKind` for a value, a list with the description of each item, or a dict: of
 each field by its name, and under ``...`` of those of any other name. `Maybe` is for fields that may
-be missing, `OrNull` for objects that may be null, `Closed` for objects without any other field.
+be missing, `Closed` for objects without any other field.
 """
 
 import json
@@ -40,19 +40,6 @@ class Maybe:
     ----------
     description : FieldKind, dict or list
         Of its value, where it is there.
-    """
-
-    description: Any
-
-
-@dataclass(frozen=True)
-class OrNull:
-    """A value that may be null.
-
-    Parameters
-    ----------
-    description : dict or list
-        Of its value, where it is not; for those of a `FieldKind` there is `or_null`.
     """
 
     description: Any
@@ -103,8 +90,6 @@ def fault(value: object, description: Any, place: str = "") -> str | None:
     place : str
         Path of the value in its document, as ``parts.localisation``.
     """
-    if isinstance(description, OrNull):
-        return None if value is None else fault(value, description.description, place)
     if isinstance(description, FieldKind):
         fits = description.fits(value)
         return None if fits else f"{place or 'it'} is {shown(value)}; expected {description.name}"
@@ -136,8 +121,6 @@ def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: st
 
 def _expected(description: Any) -> str:
     """A description in words."""
-    if isinstance(description, OrNull):
-        return f"{_expected(description.description)}, or null"
     if isinstance(description, FieldKind):
         return description.name
     return "a list" if isinstance(description, list) else "an object"

@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 
 FIELD = r"\{([A-Za-z_]\w*)\}"
@@ -24,22 +23,6 @@ Inside = Callable[[str], Iterable[str]]
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
 """Why a file is passed over."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Meant:
-    """The files that are meant by a pattern.
-
-    Parameters
-    ----------
-    files : tuple of (str, dict)
-        Their paths, and what the fields stand for.
-    notices : dict of str to str
-        Of what was passed over a sentence, by the reason.
-    """
-
-    files: tuple[tuple[str, dict[str, str]], ...]
-    notices: dict[str, str]
 
 
 def fields(pattern: str) -> list[str]:
@@ -72,7 +55,7 @@ def meant(
     output: str | None = None,
     truth: tuple[str, str] | None = None,
     inside: Inside = lambda _: (),
-) -> Meant:
+) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
     """The files that are meant by a pattern: not all that happen to be like it.
 
     What is in the store of a batch, and what a run wrote into its folder, is meant if the pattern
@@ -91,8 +74,15 @@ def meant(
         Of estimates: the pattern of the truths, and the folder below which that holds.
     inside : callable
         Names of the runs in a file.
+
+    Returns
+    -------
+    list of (str, dict)
+        Paths, and what the fields stand for.
+    dict of str to str
+        Of what was passed over a sentence, by the reason.
     """
-    from tgospa_eval.common.manifest import results_in  # lazy: reading one pair does without
+    from tgospa_eval.common.writing import results_in  # lazy: reading one pair does without
 
     real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
 
@@ -130,7 +120,7 @@ def meant(
         which += f" and {counted(len(more), 'more file')}" if more else ""
         it = "them" if more else "it"
         notices[why] = f"{which}: passed over, being {why}; to evaluate {it}, {remedy}"
-    return Meant(files=tuple(files), notices=notices)
+    return files, notices
 
 
 def _dotted(pattern: str, path: str) -> str | None:

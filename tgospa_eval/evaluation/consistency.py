@@ -17,7 +17,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import apart, periods_of
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import PairProof
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 

@@ -14,8 +14,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
-from tgospa_eval.results.numbers import MEAN, SPREAD
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import MEAN, SPREAD, PairProof
 from tgospa_eval.text import option
 
 LARGE = 1e7

@@ -26,8 +26,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
-from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import OtherMetrics
+from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
 from tgospa_eval.tracks.attributes import file_order
 from tgospa_eval.tracks.held import Held

@@ -17,8 +17,7 @@ from tgospa_eval.problem.readout import read_assigned, read_switches, read_track
 from tgospa_eval.results.consistency import NEES, mean_nees, or_none
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation
-from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import Columns, Json, as_lists, track_columns
+from tgospa_eval.results.records import Columns, Json, PairProof, as_lists, track_columns
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

@@ -29,8 +29,7 @@ from tgospa_eval.problem.metric_family import (
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.consistency import NEES
-from tgospa_eval.results.proof import ComparedSides
-from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.results.records import ComparedSides, Json, Labels, input_record
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import Coverage, digest, judge, unsigned_zeros, whole

@@ -23,9 +23,7 @@ from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.results.numbers import SPREAD
-from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import Costs, Json
+from tgospa_eval.results.records import SPREAD, Costs, Json, PairProof
 from tgospa_eval.solvers import Solver
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.readout import judged_rows, read_assigned
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.results.proof import ComparedSides, PairProof
-from tgospa_eval.results.records import Json
+from tgospa_eval.results.records import ComparedSides, Json, PairProof
 from tgospa_eval.results.summary import Summary, finite, mean, ratio, root
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES

@@ -19,7 +19,7 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
 """In units of c^p: a path that is worse by less may be as good, but for rounding."""

@@ -1,1 +1,441 @@
-"""Which single repairs of an estimate would save most of the total, proven."""
+"""From a result to the repairs that are worth most: found, tried, proven, put into words."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Ints, Mask
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import counted, number
+from tgospa_eval.distances import near_pairs
+from tgospa_eval.errors import ConfigError, InputError, whole_number
+from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.pair import PairEvaluation, source_of
+from tgospa_eval.evaluation.prepare import AlignedPair, PreparedPair, fit, prepare, reach_of
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.explain.candidates import (
+    NO_PARTNER,
+    Assigned,
+    Candidate,
+    Edit,
+    StatePlaces,
+    as_read,
+    edited,
+    exchanged,
+    extended,
+    filled,
+    is_same,
+    moved,
+    of_rows,
+    renamed,
+    shifted,
+    split_up,
+)
+from tgospa_eval.formats import Reading
+from tgospa_eval.problem.certificate import ROUNDOFF, certify, lower_bounds, lower_cost
+from tgospa_eval.problem.solution import Bounds
+from tgospa_eval.results.explanation import Explanation, Repair
+from tgospa_eval.results.records import Columns, PairProof, outward
+from tgospa_eval.solvers.block_costs import feasible_costs
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
+from tgospa_eval.text import option
+from tgospa_eval.tracks.alignment import Alignment
+from tgospa_eval.tracks.conversion import Conversion
+from tgospa_eval.tracks.trajectories import Trajectories
+
+# -------------------------------------------------------------------------------------------------
+# Proof of what a repair saves: what it touches is evaluated again, the bounds of the rest stay.
+#
+#     V = sum over components of V_b + sum of the prices of what is near to none,
+#
+# and a repair changes few components (docs/theory/solvers.md, "Repairs").
+
+
+Masks = tuple[Mask, Mask]
+"""Some of the truths, and some of the estimates."""
+
+
+class Trials:
+    """Repairs of an evaluated estimate.
+
+    Parameters
+    ----------
+    proof : PairProof
+        What is proven of it.
+    assigned : Assigned
+        Its assignment.
+    sides : AlignedPair
+        What was evaluated.
+    request : EvaluationRequest
+        How.
+    """
+
+    def __init__(
+        self, proof: PairProof, assigned: Assigned, sides: AlignedPair, request: EvaluationRequest
+    ) -> None:
+        self.assigned, self.sides, self.request = assigned, sides, request
+        self.aligned, self.parameters = sides.alignment, proof.parameters
+        self.estimate = as_read(self.aligned.estimate)
+        self.number = {name: k for k, name in enumerate(self.aligned.estimate.ids.tolist())}
+        states, self.problem = proof.states, proof.states.problem
+        self.blocks = states.track_blocks
+        self.lower = lower_bounds(states, proof.prices, proof.reduced)
+        self.cost = feasible_costs(states, proof.weights)
+        self.rounding = (len(proof.weights) + 2 * len(self.problem.cost) + 64) * ROUNDOFF
+        distance = request.distance.settings(sides.read[0].columns)
+        filters = {name.rpartition("_")[2] for name in request.recorded}
+        self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
+        self.as_a_whole = (
+            sides.distance is not request.distance  # which takes something from the data
+            or "reduce" in distance
+            or reach_of(self.aligned.truth, request) is not None
+        )
+
+    def run(
+        self, candidates: Sequence[Candidate], stopwatch: Stopwatch
+    ) -> list[tuple[Candidate, Bounds, float]]:
+        """What is proven of each, or of those that were tried until it was to stop.
+
+        Bounds of the cost after the repair, and the cost of the assignment, in units of c^p.
+        """
+        progress = stopwatch.progress
+        found = []
+        for done, candidate in enumerate(candidates):
+            if progress.stop.is_set():
+                break
+            progress.again("repairs", done / len(candidates))
+            try:
+                found.append((candidate, *self._trial(candidate.edit, stopwatch)))
+            except (ConfigError, InputError):  # such as no step that counts is left
+                continue
+        return found
+
+    def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
+        """The repaired estimate goes the way of any other."""
+        conversion = own_conversion(self.request, self.estimate)
+        after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
+        if self.request.ignoring is not None:
+            reading = Reading(trajectories=after, rows=len(after.step))
+            after = self.request.ignoring.marked(reading, *2 * ("estimate",)).trajectories
+        if self.is_filtered and not any(len(side.step) for side in (self.sides.given[0], after)):
+            raise ConfigError("no row is left to evaluate")
+        sides = fit(self.sides.given[0], after, self.request)
+        kept = sum(len(side.step) for side in sides.axis.sides)
+        check_left(self.request.time_matching, kept, sides.axis.left_out)
+        if edit.local and not self.as_a_whole and self._spares_others(edit, sides.alignment):
+            return self._of_components(edit, sides, stopwatch)
+        return self._evaluated(sides, edit, stopwatch)
+
+    def _spares_others(self, edit: Edit, after: Alignment) -> bool:
+        """Whether the truth and the tracks that an edit does not change are as they were."""
+        before = self.aligned
+        is_other = np.ones(len(self.number) + len(edit.fresh), bool)
+        is_other[list(self._tracks(edit))] = False
+        first, second = (
+            side.chosen(np.flatnonzero(is_other[self._numbers(side, edit)[side.track]]))
+            for side in (before.estimate, after.estimate)
+        )
+        return is_same(before.truth, after.truth) and is_same(first, second)
+
+    def _tracks(self, edit: Edit) -> set[int]:
+        """The tracks that an edit changes."""
+        fresh = range(len(self.number), len(self.number) + len(edit.fresh))
+        added = () if edit.added is None else edit.added.track.tolist()
+        return {*edit.pieces, *added, *fresh}
+
+    def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
+        """The tracks of an estimate by the numbers that an edit has for them."""
+        number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
+        return np.array([number[name] for name in side.ids.tolist()], np.int64)
+
+    def _of_components(
+        self, edit: Edit, after: AlignedPair, stopwatch: Stopwatch
+    ) -> tuple[Bounds, float]:
+        """The components that an edit touches are evaluated again, the others stay."""
+        problem = self.problem
+        side = after.alignment.estimate
+        track = self._numbers(side, edit)[side.track]
+        touched, blocks = self._touched(edit, side, track)
+        estimate_in = np.append(touched[1], np.ones(len(edit.fresh), bool))
+        truth = self.aligned.truth
+        truth = truth.chosen(np.flatnonzero(touched[0][truth.track]))
+        estimate = side.chosen(np.flatnonzero(estimate_in[track]))
+        aligned = replace(after.alignment, truth=truth, estimate=estimate)
+        bounds, total = self._evaluated(replace(after, alignment=aligned), edit, stopwatch)
+        unpaired: list[float] = []
+        for price, block, mask in zip(problem.unassigned_costs, self.blocks, touched, strict=True):
+            unpaired += price[(block < 0) & ~mask].tolist()
+        rest = math.fsum((*self.cost[~blocks].tolist(), *unpaired))
+        least = math.fsum((*self.lower[~blocks].tolist(), *unpaired)) * (1 - self.rounding)
+        return (
+            replace(
+                bounds,
+                lower=bounds.lower + lower_cost(problem, least),
+                upper=bounds.upper + rest * (1 + self.rounding) / (1 - problem.cost_error),
+            ),
+            total + rest,
+        )
+
+    def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
+        """The tracks of all components that an edit touches, and which components these are.
+
+        `track` (R,) are the numbers of those of the rows afterwards.
+        """
+        tracks = self._tracks(edit)
+        truth_in = np.zeros(self.problem.truths, bool)
+        estimate_in = np.zeros(self.problem.estimates, bool)
+        estimate_in[[k for k in tracks if k < self.problem.estimates]] = True
+        if edit.added is not None or self.request.time_matching.gaps:
+            distance, truth = self.sides.distance, self.aligned.truth
+            own = after.chosen(np.flatnonzero(np.isin(track, list(tracks))))
+            pairs = near_pairs(
+                truth.seen_as(distance.kinds),
+                own.seen_as(distance.kinds),
+                self.parameters.cutoff,
+                distance,
+            )
+            truth_in[truth.track[pairs.truth_row]] = True
+        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one: of none
+        for mask, block in zip((truth_in, estimate_in), self.blocks, strict=True):
+            blocks[block[mask]] = True
+        blocks[-1] = False
+        truth_in |= blocks[self.blocks[0]]
+        estimate_in |= blocks[self.blocks[1]]
+        return (truth_in, estimate_in), blocks[:-1]
+
+    def _evaluated(
+        self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
+    ) -> tuple[Bounds, float]:
+        """Both sides evaluated as any others, from the solution before the edit."""
+        prepared = prepare(sides, self.request, stopwatch=stopwatch)
+        solver = self.request.solver
+        if isinstance(solver, Certified):
+            solution = solver(prepared.states, stopwatch, self._warm_start(edit, prepared))
+        else:
+            solution = solver(prepared.states, stopwatch)
+        bounds, _, split = certify(prepared.states, solution, consume=solution.disposable)
+        return bounds, split.total
+
+    def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
+        """The assignment and the prices at hand, with the names of tracks after the edit."""
+        held = self.assigned.held
+        run, estimate, begin, end = renamed(held, edit)
+        became = edit.tracks(held.priced, held.step)
+        paid = np.flatnonzero(became >= 0)
+        saved = SavedSolution(
+            truth=held.truth[run],
+            estimate=estimate,
+            begin=begin,
+            end=end,
+            weight=held.weight[run],
+            priced=became[paid],
+            step=held.step[paid],
+            price=held.price[paid],
+            estimates=held.estimates + len(edit.fresh),
+            steps=held.steps,
+        )
+        before = self.aligned
+        step = np.searchsorted(before.truth.times, prepared.moments).clip(0, held.steps - 1)
+        number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
+        sides = prepared.sides
+        # A truth that had no row on the grid had no pair either.
+        known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
+        origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
+        return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
+
+
+# -------------------------------------------------------------------------------------------------
+# From a result to its repairs.
+
+
+TOP = 10
+"""Repairs that are listed, where nobody says how many."""
+
+TRIED = 2
+"""Repairs that are tried for each that is listed at most."""
+
+
+def explain(
+    result: PairEvaluation,
+    top: int = TOP,
+    *,
+    stopwatch: Stopwatch | None = None,
+) -> Explanation:
+    """The repairs that are proven to save most, `top` of them at most.
+
+    Parameters
+    ----------
+    result : PairEvaluation
+        As `evaluate` returns it.
+    top : int
+        How many to list; up to `TRIED` times as many are tried.
+    stopwatch : Stopwatch, optional
+        Shows how far it is.
+
+    Raises
+    ------
+    ConfigError
+        `top` is less than 1, or the result knows nothing of its data or is by rules that depend on
+        the repair.
+    """
+    top = whole_number("top", top)
+    sides, request = source_of(result)
+    if sides.alignment.held is not None:
+        raise ConfigError(
+            f"explain: repairs are not known for {option('resample')}, where a report holds for "
+            "several steps; evaluate at the times of the estimate, "
+            f"{option('interpolate', 'truth')}"
+        )
+    without = not_explained(request)
+    stopwatch = stopwatch or Stopwatch()
+    begin = stopwatch.elapsed()
+    with stopwatch.span("explain"):
+        proof = result.proof
+        assigned = Assigned(proof.states, proof.weights, proof.prices)
+        able = [
+            candidate
+            for candidate in _candidates(result, sides, request, assigned, TRIED * top)
+            if candidate.kind not in without
+        ]
+        tried = sorted(able, key=lambda candidate: -candidate.saving)[: TRIED * top]
+        trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
+        repairs = [_repair(result, sides.read[0].columns, *trial) for trial in trials]
+    worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
+    worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # ties keep their order
+    estimate = as_read(sides.alignment.estimate)
+    return Explanation(
+        result=result,
+        repairs=tuple(worth[:top]),
+        candidates=len(able),
+        tried=len(trials),
+        seconds=stopwatch.elapsed() - begin,
+        estimate=estimate,
+        conversion=own_conversion(request, estimate),
+    )
+
+
+def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
+    """From the estimate's own units; numbers that are seen to be times stay such."""
+    scaled = estimate.clock == "number"
+    return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
+
+
+def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
+    """Kinds of repairs after which a filter might leave out other rows.
+
+    Raises
+    ------
+    ConfigError
+        The rules of a benchmark are asked for.
+    """
+    filters = request.recorded
+    if "preprocess" in filters:
+        raise ConfigError(
+            f"{option('preprocess')}: what it leaves out depends on the repair; explain files "
+            "without such objects"
+        )
+    is_of_rows = not {"where", "estimate_where"}.isdisjoint(filters)
+    moving = ("shift",) if "time" in filters or is_of_rows else ()
+    return (*moving, "offset", "extend", "fill") if "region" in filters or is_of_rows else moving
+
+
+def _candidates(
+    result: PairEvaluation,
+    sides: AlignedPair,
+    request: EvaluationRequest,
+    assigned: Assigned,
+    most: int,
+) -> Iterator[Candidate]:
+    """What may save something at the assignment at hand, of each kind `most` or a few more."""
+    estimate = sides.alignment.estimate
+    if not len(estimate.step):
+        return
+    places = StatePlaces(sides, result.proof.parameters, probabilistic=request.probabilistic)
+    names = (*result.labels.truths, *result.labels.estimates)
+    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, most)]
+    if len(sides.alignment.truth.step):
+        if estimate.clouds is None:
+            makers += [
+                filled(assigned, places, most),
+                extended(assigned, places, most),
+            ]
+        if assigned.problem.steps > 1 and request.step_weights is None:
+            makers.append(shifted(assigned, places))
+        makers.append(moved(assigned, places))
+    for maker in makers:
+        yield from (candidate for candidate in maker if candidate.saving > 0)
+
+
+def _repair(
+    result: PairEvaluation,
+    columns: tuple[str, ...],
+    candidate: Candidate,
+    after: Bounds,
+    total: float,
+) -> Repair:
+    """A candidate with its names and what is proven of the cost after it."""
+    edit, labels, scale = candidate.edit, result.labels, result.scale
+    before = result.proof.bounds
+    begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
+    rows: Columns = {}
+    if edit.added is not None:
+        rows = {"t": [labels.times[k] for k in edit.added.step.tolist()]}
+        rows |= dict(zip(columns, edit.added.state.T.tolist(), strict=True))
+    offset = {} if edit.offset is None else dict(zip(columns, edit.offset.tolist(), strict=True))
+    return Repair(
+        kind=candidate.kind,
+        text=in_words(candidate, result, offset),
+        estimates=tuple(labels.estimates[track] for track in candidate.tracks),
+        tracks=candidate.tracks,
+        begin=begin,
+        end=end,
+        shift=edit.shift,
+        offset=offset,
+        rows=rows,
+        total=scale * total,
+        tgospa=result.proof.parameters.root(total),
+        lower_bound=result.outward_root(after.lower, -1),
+        upper_bound=result.outward_root(after.upper, 1),
+        saving_lower=_outward(scale * (before.lower - after.upper), -1),
+        saving_upper=_outward(scale * (before.upper - after.lower), 1),
+        edit=partial(edited, edit=edit),
+    )
+
+
+def _outward(value: float, sign: int) -> float:
+    """Down (-1) or up (1) by more than its product and its difference are off by."""
+    return outward(value, sign if value > 0 else -sign) if value else 0.0
+
+
+def in_words(candidate: Candidate, result: PairEvaluation, offset: dict[str, float]) -> str:
+    """What a repair does."""
+    labels, edit = result.labels, candidate.edit
+    first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]
+    begin, end = (
+        "" if k is None else str(labels.times[k]) for k in (candidate.begin, candidate.end)
+    )
+    span = f"t = {begin}" if begin == end else f"t = {begin} to {end}"
+    kind, size = candidate.kind, abs(edit.shift)
+    if kind in ("exchange", "extend"):
+        problem = result.proof.states.problem
+        own = problem.estimate_step[problem.estimate_track == candidate.tracks[0]]
+        kind += "-after" * bool(own.max() < (candidate.begin or 0))
+    parts = ", ".join(f"{name} = {number(value, 4)}" for name, value in offset.items())
+    return {
+        "merge": f"join estimate {second}, {span}, to estimate {first}",
+        "exchange": f"exchange estimates {first} and {second} from t = {begin} on",
+        "exchange-after": f"join estimate {second} from t = {begin} on to estimate {first}",
+        "split": f"split estimate {first} at t = {begin}",
+        "drop": f"drop estimate {first}, {span}",
+        "trim": f"cut {span} off estimate {first}",
+        "fill": f"fill the gap of estimate {first}, {span}",
+        "extend": f"extend estimate {first} back to t = {begin}",
+        "extend-after": f"extend estimate {first} to t = {end}",
+        "shift": f"shift the whole estimate {counted(size, 'step')} "
+        f"{'later' if edit.shift > 0 else 'earlier'}",
+        "offset": f"take the offset {parts} from the whole estimate",
+    }[kind]

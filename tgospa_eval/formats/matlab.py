@@ -25,9 +25,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.words import counted, install, more
-from tgospa_eval.engines import helper
-from tgospa_eval.engines.engine import DiedError
-from tgospa_eval.engines.processes import limit_memory
+from tgospa_eval.engines import DiedError, call_in_helper, limit_memory
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
 from tgospa_eval.formats.guess import file_of
@@ -266,7 +264,7 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
             "with -v7 in MATLAB"
         )
     try:
-        return helper.call(work, path, file_of(path), data, *more)
+        return call_in_helper(work, path, file_of(path), data, *more)
     except DiedError as error:
         why = f"it ended the process that read it ({error}): it is damaged, or memory is short"
         raise InputError(f"{path}: no readable MAT file: {why}") from None

@@ -14,8 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances.checks import check_columns
-from tgospa_eval.engines.engine import Engine
-from tgospa_eval.engines.processes import PersistentPool, Processes
+from tgospa_eval.engines import Engine, PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
@@ -37,9 +36,8 @@ from tgospa_eval.partitioned.tables import ROWS_AT_ONCE, write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.results.records import SPLIT_PARTS, Json, Labels, input_record
 from tgospa_eval.results.summary import mean, ratio, root
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.text import listed

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.engines.processes import PersistentPool
+from tgospa_eval.engines import PersistentPool
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import (

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from tgospa_eval.engines.engine import spread
-from tgospa_eval.engines.processes import PersistentPool
+from tgospa_eval.engines import PersistentPool, spread
 from tgospa_eval.errors import SolverError
 from tgospa_eval.text import option
 

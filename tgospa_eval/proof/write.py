@@ -25,7 +25,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
-from tgospa_eval.results.proof import ComparedSides, PairProof
+from tgospa_eval.results.records import ComparedSides, PairProof
 from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.existence import EXISTENCE

@@ -19,26 +19,23 @@ from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.numbers import (
+from tgospa_eval.results.records import (
+    PARTS,
     SPLIT_PARTS,
     USUAL_SCORE,
     Calibration,
-    Similarity,
-    costliest,
-    members_in_words,
-    outward,
-)
-from tgospa_eval.results.records import (
-    PARTS,
-    Arrays,
     Columns,
     Costs,
     Json,
     Labels,
     MetricSums,
     OtherMetrics,
+    Similarity,
     as_lists,
+    costliest,
     json_text,
+    members_in_words,
+    outward,
     records,
     step_columns,
 )
@@ -398,11 +395,8 @@ class Evaluation(ABC):
     def _per_step(self) -> Columns:
         """Cost of each step by kind."""
         costs = step_columns(self.proof.breakdown, self.scale)
-        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(self._unjudged_columns())
-
-    def _unjudged_columns(self) -> Arrays:
-        """Numbers of ignored, absorbed and excused states of each step, where there are any."""
-        return {} if self.unjudged is None else dict(vars(self.unjudged))
+        ignored = {} if self.unjudged is None else vars(self.unjudged)
+        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(ignored)
 
     def _curve(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.

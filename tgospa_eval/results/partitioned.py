@@ -34,7 +34,6 @@ def name_of(table: str) -> str:
     return table if table == IN_PARTS else f"{table}.parquet"
 
 
-@dataclass(frozen=True)
 class StoredTables:
     """The tables of one result.
 
@@ -44,7 +43,8 @@ class StoredTables:
         Where they are, with the names of `name_of`.
     """
 
-    folder: str
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
 
     def files(self, table: str) -> list[Path]:
         """The files of a table, in order.

@@ -11,7 +11,7 @@ from tgospa_eval.common.registry import load
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.sensors import Pairing
 from tgospa_eval.show import style as looks
 from tgospa_eval.show.style import FILES, STYLES, Style, styled
 from tgospa_eval.text import quoted
@@ -35,7 +35,7 @@ _PARTS = ("parts",)
 _PLANE = Chart("plane:draw_plane", ("columns",))
 _RESULT = {
     "costs": Chart("overtime:draw_costs", _PARTS),
-    "lanes": Chart("lanes:draw_lanes"),
+    "lanes": Chart("overtime:draw_lanes"),
     "plane": _PLANE,
     "cumulative": Chart("overtime:draw_cumulative", _PARTS),
     "worst": Chart("overtime:draw_worst", _PARTS),

@@ -8,10 +8,9 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
-from tgospa_eval.results.numbers import MEAN, SPREAD
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, json_text
+from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.sweep import Point, Sweep
-from tgospa_eval.show.phrases import (
+from tgospa_eval.show.rendering import (
     EXACT,
     LETTERS,
     ORDERS,
@@ -21,6 +20,9 @@ from tgospa_eval.show.phrases import (
     SPLIT_NOTE,
     TO_RANK,
     TO_STUDY,
+    Document,
+    Table,
+    as_markdown,
     best_cells,
     best_of,
     columns,
@@ -30,11 +32,12 @@ from tgospa_eval.show.phrases import (
     order_in_words,
     parameters_of,
     place_in_words,
+    rendered,
     size_of,
+    table_of,
     unit_of,
 )
-from tgospa_eval.show.rendering import Document, Table, as_markdown, rendered, table_of
-from tgospa_eval.show.side_tables import (
+from tgospa_eval.show.result_text import (
     covariances_table,
     direction,
     grouped_table,

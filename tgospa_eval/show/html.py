@@ -6,37 +6,71 @@ text.
 """
 
 import base64
+import itertools
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Ints
-from tgospa_eval.common.words import number, sizes_in_words
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.results.records import PARTS, Json
+from tgospa_eval.sensors import Pairing
+from tgospa_eval.show.batch import (
+    BANDS,
+    NARROW,
+    BatchTables,
+    Ranking,
+    about_others,
+    about_slices_of,
+    bracket,
+    of_expected,
+    other_tables,
+    parameters_in_words,
+    slice_tables,
+)
+from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
-from tgospa_eval.show.rendering import Table
+from tgospa_eval.show.rendering import ORDERS, Table, equal_names, order_in_words, place_in_words
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
+    about_slices,
     association_text,
     class_table,
     meaning,
+    other_table,
     part_rows,
     repair_notes,
     repair_table,
+    share,
+    shown_slices,
+    similarity,
     similarity_in_words,
     summary_of,
 )
-from tgospa_eval.show.side_tables import about_slices, other_table, share, shown_slices, similarity
-from tgospa_eval.show.style import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
+from tgospa_eval.show.style import (
+    DARK,
+    DARK_TRACK_COLOURS,
+    HEAT_LEVELS,
+    LIGHT,
+    TRACK_COLOURS,
+    heat_shades,
+    variables,
+)
 from tgospa_eval.text import as_unicode
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 SCRIPTS = (
     "data",
@@ -230,3 +264,217 @@ def card(result: Evaluation) -> str:
     ]
     template = environment().get_template("card.html.j2")
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
+
+
+# -------------------------------------------------------------------------------------------------
+# The page of a batch: who is best and how sure that is, job by job, part by part, over time.
+#
+# Words and numbers from a template, without a script; the page loads nothing. Everything that comes
+# from the user passes through the autoescape of the template.
+
+METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
+"""Columns of parameters."""
+
+MOST_GROUPS = 40
+MOST_FAULTS = 50
+COSTLIEST = 10
+
+ALL_PAIRS = 5
+"""Most that are compared each with each; of more every one is with the next."""
+
+
+def batch_page(tables: BatchTables, *, draws: bool) -> str:
+    """The whole page, with curves if it draws any."""
+    curves = pictures("page of a batch", tables, Pictures(formats=("svg",))) if draws else {}
+    rows, groups = tables.rows, tables.shown_groups
+    # Of several sets of parameters none is that of the batch.
+    ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
+    sentence = ""
+    if ranking is not None:
+        sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
+    failed = rows[rows["status"] == "failed"]
+    valued = rows[rows["status"] != "failed"]
+    runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
+    html = (
+        environment()
+        .get_template("batch.html.j2")
+        .render(
+            tables=tables,
+            source=_source(tables),
+            title=_title(tables, ranking),
+            sentence=sentence,
+            version=tables.settings["version"],
+            jobs=len(rows),
+            failed=len(failed),
+            unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
+            rankings=[_ranking(tables, ranking) for ranking in tables.rankings],
+            notes=tables.notes,
+            parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
+            groups=groups[:MOST_GROUPS],
+            common=any(found.jobs < found.all_jobs for found in tables.rankings),
+            others=list(other_tables(tables)),
+            about_others=list(about_others(tables)),
+            slices=list(slice_tables(tables)),
+            about_slices=list(about_slices_of(tables)),
+            heat=tables.heat,
+            levels=HEAT_LEVELS,
+            tracks=len(TRACK_COLOURS),
+            images=[base64.b64encode(image).decode() for image in curves.values()],
+            curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
+            least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+            runs=counted(max(runs, default=0), "run"),
+            bands=[BANDS[curve.band] for curve in tables.curves[:1]],
+            curve_groups=len({curve.name for curve in tables.curves}),
+            costliest=list(_costliest(tables, valued)),
+            faults=_rows(failed.head(MOST_FAULTS)),
+            parts=PARTS,
+            orders=ORDERS,
+            number=number,
+            of_expected=of_expected,
+            share=share,
+            per_step=_per_step,
+            settings=_settings(tables),
+            style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
+        )
+    )
+    return as_unicode(html)
+
+
+def _shades() -> str:
+    """Those of the heat table, on paper and on a dark screen, and the looks of groups."""
+    light, dark = (
+        " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
+        for colours in (LIGHT, DARK)
+    )
+    levels = "\n".join(f".h{k} {{ background: var(--heat-{k}); }}" for k in range(HEAT_LEVELS))
+    tracks = "\n".join(
+        f".c{k} {{ background: var(--track-{k}); }}" for k in range(len(TRACK_COLOURS))
+    )
+    return (
+        f":root {{ {light} }}\n"
+        f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+        f"{levels}\n{tracks}\n"
+    )
+
+
+def _source(tables: BatchTables) -> tuple[str, str]:
+    """What was evaluated, and against what, as it was named."""
+    jobs = tables.settings["jobs"]
+    paths = [str(path) for path in jobs["paths"]]
+    if jobs["layout"]:
+        return paths[1], paths[0]
+    return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
+
+
+def _title(tables: BatchTables, ranking: Ranking | None) -> str:
+    """The answer."""
+    if ranking is not None:
+        best = ranking.entries[0]
+        if best["place"] != (1, 1):
+            return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
+        return f"{best['name']}: TGOSPA {tables.between(bracket(best, 'per_step'))} per step"
+    if len(tables.shown_groups) == 1:
+        return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
+    return "TGOSPA of a batch"
+
+
+def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
+    """A ranking in words, with the places of brackets and intervals on a common scale."""
+    entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
+    equal = equal_names(ranking.comparisons)
+    for entry in ranking.entries:
+        # Per step, as the value is: by the same number of steps.
+        name, per_step = entry["name"], bracket(entry, "per_step")
+        share = entry["per_step"] / entry["combined"] if entry["combined"] else 0.0
+        low, high = entry["confidence"] or (0.0, 0.0)
+        sure = Interval(lower=low, upper=high).scaled(share) if entry["confidence"] else None
+        words = {
+            "name": name,
+            "track": tables.compared[name],
+            "place": place_in_words(*entry["place"], shared=name in equal),
+            "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "per_step": tables.between(per_step),
+            "combined": tables.between(bracket(entry, "combined")),
+            "sure": tables.between(sure, 4) if sure else "",
+        }
+        entries.append((words, per_step, sure))
+    shown = [found for _, *both in entries for found in both if found is not None]
+    low, high = min(found.lower for found in shown), max(found.upper for found in shown)
+    room = (high - low) * 0.04 if high - low > NARROW * high else 1.0
+
+    def place(value: float) -> float:
+        return 100 * (value - low + room) / (high - low + 2 * room)
+
+    return {
+        "about": ranking,
+        "parameters": parameters_in_words(ranking.parameters),
+        "entries": [
+            words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
+            for words, value, sure in entries
+        ],
+        "ends": [tables.quantity(end, 4) for end in (low, high)],
+        "pairs": list(_pairs(tables, ranking)),
+        "all_pairs": len(ranking.comparisons),
+    }
+
+
+def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
+    """Left end and width in percent."""
+    left, right = place(found.lower), place(found.upper)
+    return f"{left:.2f}", f"{right - left:.2f}"
+
+
+def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
+    """All pairs of few, else those of neighbours."""
+    near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
+    for pair in ranking.comparisons:
+        if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
+            low, high = pair["difference"]
+            yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
+
+
+def _costliest(
+    tables: BatchTables, valued: "pd.DataFrame"
+) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
+    """The jobs with the largest cost per step, of each set of parameters by themselves."""
+    if len(valued) < 2:
+        return
+    each = valued["total"] / valued["judged.steps"].clip(lower=1)
+    order = each.sort_values(ascending=False, kind="stable").index
+    names = list(tables.parameters)
+    if not names:
+        yield "", _rows(valued.loc[order[:COSTLIEST]])
+        return
+    sets = valued.loc[order].groupby(names, dropna=False)
+    for _, jobs in itertools.islice(sets, COSTLIEST):
+        about = parameters_in_words({name: jobs[name].iloc[0] for name in names})
+        yield about, _rows(jobs.head(max(1, COSTLIEST // sets.ngroups)))
+
+
+def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
+    return [row for _, row in jobs.iterrows()]
+
+
+def _per_step(row: "pd.Series[Any]") -> Interval:
+    """The bracket of the value per step of a job."""
+    steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
+    return Interval(
+        lower=(float(row["total_lower"]) / steps) ** power,
+        upper=(float(row["total_upper"]) / steps) ** power,
+    )
+
+
+def _settings(tables: BatchTables) -> dict[str, str]:
+    """What was evaluated, and how, in lines."""
+    rows, jobs = tables.rows, tables.settings["jobs"]
+    found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
+    if jobs["paths"]:
+        found["paths"] = " ".join(map(str, jobs["paths"]))
+    for name in METRIC_COLUMNS:
+        values: list[float | str] = list(rows[name].dropna().unique()) if name in rows else []
+        if len(values) == 1:
+            value = values[0]
+            found[name] = value if isinstance(value, str) else number(float(value))
+        elif len(values):
+            found[name] = "as each job has it"
+    return {str(k): str(v) for k, v in tables.settings["options"].items()} | found

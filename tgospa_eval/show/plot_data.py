@@ -26,10 +26,9 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
-from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPREAD, Columns, Json, Time, costliest
+from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.time_axis import TimeAxis, moments, readable
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds

@@ -12,7 +12,7 @@ from typing import Any
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.numbers import SPREAD
+from tgospa_eval.results.records import SPREAD
 from tgospa_eval.text import quoted
 
 LIGHT: Mapping[str, str] = {

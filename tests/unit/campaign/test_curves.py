@@ -10,9 +10,9 @@ import pytest
 from scipy import stats
 
 from tgospa_eval.api.options import BAND_KINDS
-from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.statistics import intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
+from tgospa_eval.campaign.sums import rms_curves
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 

@@ -21,8 +21,7 @@ from tgospa_eval.campaign.statistics import (
     p_values,
 )
 from tgospa_eval.campaign.sums import tabulated
-from tgospa_eval.show.batch import BatchTables, Ranking
-from tgospa_eval.show.batch_text import batch_report
+from tgospa_eval.show.batch import BatchTables, Ranking, batch_report
 from tgospa_eval.show.result_text import REPORTS
 
 COLUMNS = {

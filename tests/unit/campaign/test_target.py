@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tgospa_eval.campaign.gate.target import Target
+from tgospa_eval.campaign.gate.suite import Target
 from tgospa_eval.errors import ConfigError
 
 

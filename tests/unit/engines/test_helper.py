@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from tgospa_eval.engines import helper
-from tgospa_eval.engines.engine import DiedError
+from tgospa_eval import engines
+from tgospa_eval.engines import DiedError, call_in_helper
 
 pytestmark = pytest.mark.process
 
@@ -16,32 +16,33 @@ pytestmark = pytest.mark.process
 def anew() -> None:
     """The next call begins a process."""
     with pytest.raises(DiedError):
-        helper.call(os._exit, 0)
+        call_in_helper(os._exit, 0)
 
 
 def test_one_process_for_all_calls() -> None:
-    number = helper.call(os.getpid)
-    assert helper.call(os.getpid) == number != os.getpid()
+    number = call_in_helper(os.getpid)
+    assert call_in_helper(os.getpid) == number != os.getpid()
     with pytest.raises(ZeroDivisionError):
-        helper.call(divmod, 1, 0)
-    assert helper.call(os.write, 1, b"what a library prints") == 21
-    assert helper.call(os.getpid) == number
+        call_in_helper(divmod, 1, 0)
+    assert call_in_helper(os.write, 1, b"what a library prints") == 21
+    assert call_in_helper(os.getpid) == number
 
 
 def test_what_ends_it_ends_one_call() -> None:
-    number = helper.call(os.getpid)
+    number = call_in_helper(os.getpid)
     with pytest.raises(DiedError, match="status 3"):
-        helper.call(os._exit, 3)
+        call_in_helper(os._exit, 3)
     if sys.platform != "win32":
         with pytest.raises(DiedError, match="status -6"):
-            helper.call(os.abort)
-    assert helper.call(os.getpid) != number
+            call_in_helper(os.abort)
+    assert call_in_helper(os.getpid) != number
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 def test_a_fork_has_its_own() -> None:
     code = (
-        "import os, sys\nfrom tgospa_eval.engines.helper import call\nfirst = call(os.getpid)\n"
+        "import os, sys\nfrom tgospa_eval.engines import call_in_helper as call\n"
+        "first = call(os.getpid)\n"
         "if os.fork() == 0:\n    sys.exit(call(os.getpid) == first)\n"
         "assert os.wait()[1] == 0\nassert call(os.getpid) == first\n"
     )
@@ -51,10 +52,10 @@ def test_a_fork_has_its_own() -> None:
 def test_no_process_can_be_started(anew: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/none")
     with pytest.raises(FileNotFoundError):
-        helper.call(os.getpid)
+        call_in_helper(os.getpid)
 
 
 def test_a_process_that_ends_as_it_begins(anew: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(helper, "SERVE", "raise SystemExit(7)")
+    monkeypatch.setattr(engines, "SERVE", "raise SystemExit(7)")
     with pytest.raises(OSError, match="it ended as it began, with status 7"):
-        helper.call(os.getpid)
+        call_in_helper(os.getpid)

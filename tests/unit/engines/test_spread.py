@@ -15,10 +15,10 @@ from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
+from tgospa_eval import engines
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.common import files
-from tgospa_eval.engines import engine, processes
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines import Processes
 from tgospa_eval.errors import ConfigError
 
 
@@ -50,7 +50,7 @@ class Plain:
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Done:
         if self.broken:
-            raise engine.DiedError
+            raise engines.DiedError
         chunk = arguments[1]
         self.chunks.append(list(chunk))
         self.broken = FATAL in chunk
@@ -58,7 +58,7 @@ class Plain:
 
     def answer(self, future: Done) -> Any:
         if future.answer is None:
-            raise engine.DiedError
+            raise engines.DiedError
         return future.answer
 
     def look(self) -> None:
@@ -68,7 +68,7 @@ class Plain:
 def test_chunks_become_smaller() -> None:
     plain = Plain()
     jobs = [2 * job for job in range(300)]  # without the fatal one
-    assert sorted(engine.spread(abs, jobs, abs, plain)) == jobs
+    assert sorted(engines.spread(abs, jobs, abs, plain)) == jobs
     sizes = [len(chunk) for chunk in plain.chunks]
     assert sizes[0] == 32
     assert sizes == sorted(sizes, reverse=True)
@@ -77,18 +77,18 @@ def test_chunks_become_smaller() -> None:
 
 
 def test_what_takes_long_comes_back_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "CHUNK_SECONDS", -1.0)
-    assert engine.some(abs, [-3, -4]) == [3]
+    monkeypatch.setattr(engines, "CHUNK_SECONDS", -1.0)
+    assert engines.some(abs, [-3, -4]) == [3]
     plain = Plain()
-    assert sorted(engine.spread(abs, range(-200, 0), abs, plain)) == list(range(1, 201))
+    assert sorted(engines.spread(abs, range(-200, 0), abs, plain)) == list(range(1, 201))
 
 
 def test_one_job_is_to_blame() -> None:
     plain = Plain()
-    answers = list(engine.spread(lambda job: 2 * job, range(40), lambda job: -job, plain))
+    answers = list(engines.spread(lambda job: 2 * job, range(40), lambda job: -job, plain))
     assert sorted(answers) == sorted([2 * job for job in range(40) if job != FATAL] + [-FATAL])
     tries = [chunk for chunk in plain.chunks if FATAL in chunk]
-    assert len(tries) == len(engine.ATTEMPTS)
+    assert len(tries) == len(engines.ATTEMPTS)
     assert tries[1:] == [[FATAL], [FATAL]]
     assert plain.opened[-1] == 1
 
@@ -104,7 +104,7 @@ def helped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
 def test_a_dying_process_costs_its_jobs_a_retry(helped: None) -> None:
     jobs = [0, FATAL_ONCE, 1, 2, 3, FATAL, 4, 5]
-    answers = list(engine.spread(double, jobs, lambda job: -job, Processes(2)))
+    answers = list(engines.spread(double, jobs, lambda job: -job, Processes(2)))
     assert sorted(answers) == sorted([2 * job for job in jobs if job != FATAL] + [-FATAL])
 
 
@@ -113,8 +113,8 @@ def test_a_dying_process_costs_its_jobs_a_retry(helped: None) -> None:
 def test_a_process_keeps_to_its_share_of_the_memory(
     helped: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(processes, "available_memory", lambda: 4 << 30)
-    answers = engine.spread(greedy, [1, 3], lambda _: "died", Processes(2))
+    monkeypatch.setattr(engines, "available_memory", lambda: 4 << 30)
+    answers = engines.spread(greedy, [1, 3], lambda _: "died", Processes(2))
     assert sorted(answers) == ["had 1 GiB", "had no memory"]
 
 
@@ -190,7 +190,7 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_worker_whose_parent_is_gone_when_it_begins() -> None:
-    code = "import time\nfrom tgospa_eval.engines.processes import _begin\n_begin(None, 0)\n"
+    code = "import time\nfrom tgospa_eval.engines import _begin\n_begin(None, 0)\n"
     end = subprocess.run(
         [sys.executable, "-c", f"{code}time.sleep({PATIENCE})"], timeout=PATIENCE, check=False
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tgospa_eval.engines.processes import PersistentPool, Processes
+from tgospa_eval.engines import PersistentPool, Processes
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 
 

@@ -18,8 +18,7 @@ from checkout import SAMPLES
 from scipy.io import savemat
 
 from tgospa_eval import evaluate, read_trajectories
-from tgospa_eval.engines import helper
-from tgospa_eval.engines.engine import DiedError
+from tgospa_eval.engines import DiedError, call_in_helper
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
@@ -191,11 +190,11 @@ def test_the_process_that_reads(monkeypatch: pytest.MonkeyPatch) -> None:
         raise DiedError("status 1")
 
     with monkeypatch.context() as patch:
-        patch.setattr(helper, "call", dies)
+        patch.setattr("tgospa_eval.formats.matlab.call_in_helper", dies)
         with pytest.raises(InputError, match=r"ended the process that read it \(status 1\): it is"):
             read(RUN)
     with pytest.raises(DiedError):
-        helper.call(os._exit, 0)
+        call_in_helper(os._exit, 0)
     with monkeypatch.context() as patch:
         patch.setattr(sys, "executable", "/none")
         with pytest.raises(ConfigError, match=r"none can be started here \(No such .*as CSV$"):

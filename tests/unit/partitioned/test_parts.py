@@ -10,7 +10,7 @@ from held_sides import plan
 import tgospa_eval as tg
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import FRESH, writing
-from tgospa_eval.engines.processes import PersistentPool, Processes
+from tgospa_eval.engines import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, scan_parts

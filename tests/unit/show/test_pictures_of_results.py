@@ -29,7 +29,7 @@ from tgospa_eval.show import style as palette
 from tgospa_eval.show.charts import Pictures
 from tgospa_eval.show.drawing import literal, power, written
 from tgospa_eval.show.files import result_pictures
-from tgospa_eval.show.lanes import draw_lanes
+from tgospa_eval.show.overtime import draw_lanes
 from tgospa_eval.show.plot_data import binned
 from tgospa_eval.show.style import FILES, styled
 from tgospa_eval.show.time_axis import nice

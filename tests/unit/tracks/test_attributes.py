@@ -9,7 +9,7 @@ import pytest
 
 from tgospa_eval import Trajectories, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.explain.edits import AddedRows, Edit, edited
+from tgospa_eval.explain.candidates import AddedRows, Edit, edited
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.text import lines

@@ -17,9 +17,8 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
-from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
+from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, contradiction, unlike
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import JUDGED_FIELDS, incomparable, judge_alike, judged_of

@@ -5,9 +5,8 @@ from dataclasses import field
 from fnmatch import fnmatchcase
 from functools import partial
 
-from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.config import SettingsFile, Values, setting
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.options import Values, setting
 from tgospa_eval.text import clipped
 
 _stored = partial(setting, "Gate", trusted=False)

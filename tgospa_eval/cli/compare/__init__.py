@@ -1,1 +1,194 @@
-"""The verb `compare`."""
+"""``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
+
+from functools import partial
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval.api.options import Request
+from tgospa_eval.cli.shared.click_builder import (
+    BY_OF_SETTINGS,
+    CONFIG_FILE,
+    EVALUATION,
+    FORCE,
+    QUIET,
+    WITH,
+    OutputOptions,
+    report_format,
+)
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, dashed, option, typed_options
+from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.simulate import SCENARIOS
+from tgospa_eval.errors import ExitStatus
+
+ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
+"""Options of everything that evaluates that this verb has not, or in another form; `by` is hidden,
+for it may come from a settings file."""
+
+OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
+SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
+OF_FILES = {"against", "unit", "by", "with_"} | {
+    str(item.name) for item in SHARED if item.section in ("Files", "Filters")
+}
+"""Parameters that mean nothing in the other case."""
+
+OF_RESULTS = {"files", "format_", "output", "force", "config", "quiet"}
+"""Parameters that mean something where saved results are ranked."""
+
+_comparison = partial(Option, section="Comparison")
+_study = partial(Option, section="Scaling study")
+# Those that only this verb has are not read from settings files, which are those of all verbs.
+COMPARE_OPTIONS = (
+    _comparison(
+        "--solvers NAMES",
+        "Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one to "
+        "use.",
+        show_default="all, exact only where it is quick; for a ranking certified",
+    ),
+    option(
+        "--epsilon NUMBERS",
+        "Temperatures of sinkhorn, as fractions of c^p, with commas: one run for each. For a "
+        "ranking a single one, 0.03 by default.",
+        section="Comparison",
+        default="0.1,0.05,0.03,0.01",
+    ),
+    _comparison(
+        "--against per-step-gospa",
+        "Show per-step GOSPA beside TGOSPA: its sum, and with switches charged afterwards.",
+        type=click.Choice(("per-step-gospa",)),
+    ),
+    _study("--simulate", "Compare solvers on simulated scenes of growing size; no files are read."),
+    _study("--targets NUMBERS", "Numbers of targets, with commas.", default="10,20,50"),
+    _study(
+        "--steps NUMBERS",
+        "Numbers of time steps, with commas; each with each number of targets. Of files instead "
+        "FIRST:LAST[:EVERY], exactly these steps, as of evaluate.",
+        show_default="50,100; of files all their times",
+    ),
+    _study("--runs N", "Number of scenes of each size.", type=click.IntRange(min=1), default=10),
+    _study(
+        "--scenario NAME",
+        "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+        default="dense",
+        type=click.Choice(SCENARIOS),
+    ),
+    _study(
+        "--area LENGTH",
+        "Side of the square in which it happens; the noise is area / 200.",
+        type=float,
+        default=100.0,
+    ),
+    _study(
+        "--seed N",
+        "Seed: the same one makes the same scenes.",
+        type=click.IntRange(min=0),
+        default=0,
+    ),
+)
+COMPARE_OUTPUT = (
+    report_format(),
+    option(
+        "-o, --output DIR",
+        "Write compare.json, CSV tables and pictures to this folder. A scaling study also writes "
+        "report.md, and each run as soon as it is done.",
+        section="Output",
+        type=PATH,
+    ),
+    WITH,
+    BY_OF_SETTINGS,
+    FORCE,
+    CONFIG_FILE,
+    QUIET,
+)
+
+
+@click.command("compare", cls=Verb, params=[*COMPARE_OPTIONS, *SHARED, *COMPARE_OUTPUT])
+@click.argument("files", metavar="TRUTH ESTIMATE...", type=SOURCE, nargs=-1)
+@click.pass_context
+def command(
+    ctx: click.Context, /, files: tuple[str, ...], simulate: bool, by: str | None, **options: object
+) -> None:
+    """Rank several estimates of a truth, or compare solvers on one estimate.
+
+    Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
+    memory. Three or more, TRUTH A B, are a ranking: which estimate is proven to be
+    better, and by what. Fields in quotes, as of batch, stand for several runs, and
+    those that only estimates have for several estimates; so does a * for runs. Saved
+    results (folders of -o, or their result.json) are ranked as they are.
+
+    \b
+    Examples:
+      tgospa-eval compare truth.csv a.csv b.csv c.csv             a ranking
+      tgospa-eval compare 'gt/{run}.csv' 'out/{tracker}/{run}.csv'
+      tgospa-eval compare 'run*/truth.csv' 'run*/a.csv' 'run*/b.csv'
+      tgospa-eval compare a/result.json b/result.json             saved results
+      tgospa-eval compare truth.csv a.csv                         solvers
+      tgospa-eval compare truth.csv a.csv --against per-step-gospa
+      tgospa-eval compare truth.csv a.csv b.csv --with hota,identity
+      tgospa-eval compare --simulate -o study                     scaling study
+
+    Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached, or
+    proven bounds contradict each other.
+    """
+    typed = typed_options(ctx)
+    wrong = sorted(typed & (OF_FILES if simulate else OF_STUDIES))
+    if wrong:
+        about = "files, not for --simulate" if simulate else "--simulate"
+        raise click.UsageError(f"{dashed(wrong[0])} is for {about}")
+    if "by" in typed:
+        raise click.UsageError(
+            "--by class: compare takes all rows together; choose one class by --class NAME"
+        )
+    if simulate and files:
+        raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
+    is_saved = not simulate and _are_saved(files, typed)
+    if not simulate and not is_saved and len(files) < 2:
+        raise click.UsageError(
+            "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
+            "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
+        )
+    from tgospa_eval.campaign.pairs import is_pattern
+    from tgospa_eval.cli.compare import run
+
+    # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
+    apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
+    request = Request.of({name: value for name, value in options.items() if name not in apart})
+    output: Any = OutputOptions.of(options)
+    solvers: Any = options["solvers"]
+    # The default depends on what is compared.
+    has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
+    epsilon: Any = None if has_default else options["epsilon"]
+    make = partial(run.make_solvers, request, solvers, epsilon)
+    if simulate:
+        sizes: Any = {name: options[name] for name in OF_STUDIES}
+        sizes["steps"] = options["steps"] or "50,100"
+        fine = run.study_sizes(request, output, make, **sizes)
+    elif is_saved:
+        fine = run.compare_saved(files, output)
+    else:
+        if by and not output.quiet:
+            print_notice(
+                "by = class of the settings is left aside: compare takes all rows together"
+            )
+        per_step = options["against"] is not None
+        if len(files) > 2 or per_step or request.with_ is not None or any(map(is_pattern, files)):
+            fine = run.compare_estimates(files, request, output, make, per_step=per_step)
+        else:
+            fine = run.compare_files(files, request, output, make, spare=solvers is None)
+    ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
+
+
+def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
+    """Whether saved results are to be ranked, with options that mean something there."""
+    from tgospa_eval.api.compare import are_saved
+
+    if not files or not are_saved(files):
+        return False
+    wrong = sorted(typed - OF_RESULTS)
+    if wrong:
+        raise click.UsageError(
+            f"{dashed(wrong[0])} needs the data, and {files[0]} is a saved result, ranked as it "
+            "was evaluated; name the files of truth and estimates instead"
+        )
+    return True

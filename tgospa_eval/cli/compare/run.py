@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.places import find_place
+from tgospa_eval.api.reading import find_place
 from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
@@ -155,7 +155,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
     for path in paths:
         place = find_place(path)
         if place is not None:
-            raise InputError(place.message)
+            raise InputError(place[0])
         if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
     if output.output is not None:

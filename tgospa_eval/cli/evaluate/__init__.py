@@ -1,1 +1,180 @@
-"""The verb `evaluate`."""
+"""``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
+
+from collections.abc import Iterator
+
+import click
+
+from tgospa_eval.api.options import FITTING, Request
+from tgospa_eval.cli.shared.click_builder import (
+    EVALUATION,
+    IN_PARTS_OPTIONS,
+    OF_PICTURES,
+    OPTIONS,
+    OUTPUT,
+    SLICE,
+    WITH,
+    OutputOptions,
+)
+from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
+from tgospa_eval.errors import ExitStatus
+
+ALONE = (
+    "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
+    "for many evaluations: tgospa-eval batch"
+)
+MANY = 8
+"""Files that are too many for a message."""
+
+
+class Files(Verb):
+    """Proposes the verb that takes one file, or more than two."""
+
+    def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
+        text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
+        return (
+            f"{text}; for one file alone: tgospa-eval inspect {words([truth])}" if truth else text
+        )
+
+    def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
+        text, given = super()._too_many(ctx, rest), (ctx.params["truth"], ctx.params["estimate"])
+        files = words((*given, *rest)) if len(rest) < MANY else "TRUTH A B"
+        return f"{text}; to rank estimates: tgospa-eval compare {files}"
+
+
+@click.command(
+    "evaluate",
+    cls=Files,
+    params=[
+        # Options of an evaluation are fields of `Request` in api/options.py.
+        *EVALUATION,
+        *IN_PARTS_OPTIONS,
+        *OUTPUT,
+        WITH,
+        SLICE,
+        Option(
+            "--sweep NAME=VALUES",
+            "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
+            "values from 1 to 20, gamma=1:20:12:log.",
+            section="Output",
+            multiple=True,
+        ),
+        Option(
+            "--proof",
+            "With -o, write the folder proof as well, from which anybody can check the value: "
+            "tgospa-eval verify DIR.",
+            section="Output",
+        ),
+        Option(
+            "--geojson",
+            "With -o, write result.geojson as well: tracks, misses, false targets, errors and "
+            "switches with times and costs, for programs with maps. Of places on the Earth.",
+            section="Output",
+        ),
+        *(OPTIONS[key] for key in ("curve", "window", "every", "similarity", "explain")),
+    ],
+)
+@click.argument("truth", type=SOURCE)
+@click.argument("estimate", type=SOURCE)
+@click.pass_context
+def command(
+    ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: object
+) -> None:
+    """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
+
+    Both are tables with the columns id,t,x[,y[,z]] and one row per object and time
+    step (CSV or Parquet), or MOTChallenge or KITTI text. Where an object has no row,
+    it does not exist at that step. A folder of such tables is one recording in parts,
+    of any size.
+
+    \b
+    Examples:
+      tgospa-eval truth.csv estimate.csv -c 10 -g 5 --unit m
+      tgospa-eval truth.csv estimate.csv -o results --explain
+      tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
+      tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
+      tgospa-eval gt.txt results.txt --distance iou --with hota,clear,identity
+      tgospa-eval truth.csv estimate.csv --slice range=0:50:100 --slice class
+      tgospa-eval truth/ estimate/ --memory 4GB -o results
+
+    Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
+    """
+    chosen, output = Request.of(options), OutputOptions.of(options)
+    given = typed_options(ctx)
+    _check(chosen, output, given, sweep=bool(sweep))
+    from tgospa_eval.api.in_parts import check_parts, parts_in_words
+    from tgospa_eval.cli.evaluate.run import evaluate_files, show
+
+    why = parts_in_words((truth, estimate), chosen)
+    if why is not None:
+        from tgospa_eval.cli.evaluate.partitioned import evaluate_parts
+
+        others = {
+            "proof": output.proof and FITTING,
+            "geojson": output.geojson and FITTING,
+            "plane": output.plane and "leave it out: there is no picture of trajectories",
+            "sweep": sweep and "evaluate for one value after the other",
+        }
+        check_parts(chosen, why, ((name, text) for name, text in others.items() if text))
+        finished = evaluate_parts((truth, estimate), chosen, output, why)
+        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+    if chosen.scheduler is not None:
+        raise click.UsageError(ALONE)
+    if sweep:
+        from tgospa_eval.cli.evaluate.sweep import sweep_files
+
+        finished = sweep_files((truth, estimate), sweep, chosen, output, given)
+        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+    result, finished = evaluate_files(truth, estimate, chosen, output)
+    if chosen.explain:
+        from tgospa_eval.cli.evaluate.run import with_repairs
+
+        result = with_repairs(result, output)
+    show(result, chosen, output, (truth, estimate))
+    ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+
+
+def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bool) -> None:
+    """Whether options go together.
+
+    Raises
+    ------
+    UsageError
+        They do not.
+    """
+    for name in OF_PICTURES if output.output is None else ():
+        if name in typed and not (name == "pictures" and output.pictures == "none"):
+            raise click.UsageError(f"--{name} is for the pictures of -o DIR")
+    for name in ("proof", "geojson"):
+        if name in typed and (sweep or output.output is None):
+            raise click.UsageError(
+                f"--{name} is for {'one evaluation' if sweep else 'the folder of -o'}"
+            )
+    for option in _without_proof(chosen) if "proof" in typed else ():
+        raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
+    if chosen.slices and sweep:
+        raise click.UsageError("--slice is for one evaluation, not for --sweep")
+    if chosen.with_ is not None and sweep:
+        raise click.UsageError("--with is for one evaluation, not for --sweep")
+    if chosen.similarity is not None and sweep:
+        raise click.UsageError("--similarity is of the mean over steps, not for --sweep")
+    if chosen.explain and (sweep or chosen.by or chosen.preprocess):
+        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
+
+
+def _not_explained(*, by_class: bool, sweep: bool) -> str:
+    if sweep:
+        return "--explain is for one evaluation, not for --sweep"
+    if by_class:
+        return "--explain takes all rows together, not --by class; choose one class by --class NAME"
+    return "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+
+
+def _without_proof(chosen: Request) -> Iterator[str]:
+    from tgospa_eval.proof.verify_tgospa import EXTRAS  # lazy: few write proofs
+
+    if chosen.existence == "use":
+        yield "--existence use"
+    if chosen.step_weights is not None:
+        yield "--step-weights"
+    if chosen.distance not in (None, *EXTRAS):
+        yield f"--distance {chosen.distance}"

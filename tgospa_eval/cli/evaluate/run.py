@@ -88,7 +88,7 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
     top : int
         How many to list; as many as of `tgospa_eval.explain` by default.
     """
-    from tgospa_eval.explain.explain import TOP, explain  # lazy: only where asked for
+    from tgospa_eval.explain import TOP, explain  # lazy: only where asked for
 
     assert isinstance(result, PairEvaluation)  # --by class is refused
     stopwatch = Stopwatch()

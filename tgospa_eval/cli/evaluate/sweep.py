@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.api.compare import sweep_sides, swept_parameters
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.sweep import sweep_sides, swept_parameters
 from tgospa_eval.cli.shared.click_builder import OF_PICTURES, OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice

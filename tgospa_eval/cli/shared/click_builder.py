@@ -10,9 +10,8 @@ import click
 
 from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
-from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.config import OptionSpec, SettingsFile, Values
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.options import OptionSpec, Values
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
 

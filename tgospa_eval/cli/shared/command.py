@@ -20,7 +20,7 @@ from tgospa_eval.text import clipped, listed, visible
 if TYPE_CHECKING:
     from click.types import OptionHelpExtra
 
-    from tgospa_eval.campaign.gate.target import Target
+    from tgospa_eval.campaign.gate.suite import Target
 
 PATH = click.Path(readable=False)
 
@@ -279,20 +279,6 @@ SECTIONS = (
 NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein or a sliced one"}
 """The distance that a section is for."""
 
-VERB_WORDS = {
-    "evaluate": "eval score metric measure compute calculate run plot draw report sweep curve",
-    "explain": "why repair repairs fix improve cause causes reason",
-    "gate": "check test baseline regression assert ci",
-    "inspect": "info show view look head describe summary summarise validate lint stats",
-    "compare": "rank ranking diff versus vs bench benchmark study",
-    "associate": "match assign pair fuse",
-    "reduce": "downsample resample compress shrink",
-    "batch": "many all folder folders benchmark nightly sequences runs",
-    "verify": "proof prove certificate certify audit recheck",
-    "simulate": "sim generate gen make create demo synth example",
-}
-"""What people type for a verb."""
-
 OPTION_WORDS = {
     "--format json": "json",
     "--format csv": "csv",
@@ -319,8 +305,6 @@ OPTION_WORDS = {
 
 SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""
-
-LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
 
 class Verb(click.Command):
@@ -442,16 +426,3 @@ def nearest(text: str, options: Iterable[str]) -> str | None:
     alike = [name for name in known if name[:1] == bare[:1]]
     found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
     return f"--{found[0]}" if found else None
-
-
-def meant_verb(word: str) -> str | None:
-    """The verb that a word stands for which is neither a verb nor a file."""
-    if not re.fullmatch(LIKE_A_VERB, word) or os.path.lexists(word):
-        return None
-    word = word.lower()
-    for verb, others in VERB_WORDS.items():
-        if word in others.split():
-            return verb
-    from difflib import get_close_matches  # lazy: most command lines are right
-
-    return next(iter(get_close_matches(word, VERB_WORDS, 1, 0.8)), None)

@@ -173,7 +173,7 @@ def write_folder(
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
         if output.geojson:
             notify(GEOJSON, 0.0)
-            from tgospa_eval.show.geojson import geojson  # lazy: slow to import
+            from tgospa_eval.show.files import geojson  # lazy: slow to import
 
             texts |= {GEOJSON: geojson(result)}
         return texts | ({} if wanted is None else result_pictures(result, wanted, notify))

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import cloud_distance, programme
 
-from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
+from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories, sensors
 from tgospa_eval.api.sensors import Association
 from tgospa_eval.common import progress
 from tgospa_eval.common.frozen import recast
@@ -41,7 +41,6 @@ from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
-from tgospa_eval.sensors import association
 from tgospa_eval.show.plane import Plane, ellipses
 from tgospa_eval.show.style import STYLES
 from tgospa_eval.tracks.alignment import TimeMatching, align
@@ -57,7 +56,7 @@ WHOLE = "--distance", "cloud-wasserstein"
 
 
 def associate(first: Trajectories, second: Trajectories, **options: Any) -> Association:
-    return recast(association.associate(first, second, **options), Association)
+    return recast(sensors.associate(first, second, **options), Association)
 
 
 def scene(seed: int, tracks: int = 6, steps: int = 3, size: int = 2, most: int = 9) -> Trajectories:

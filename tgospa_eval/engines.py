@@ -1,0 +1,626 @@
+"""Jobs to answers, over any engine: in chunks, as long as one lives that can do them.
+
+An engine opens pools. Of a pool nothing is used but `submit`, and callbacks of its futures. Engines
+are `Processes` of this machine (loky, as joblib brings it) and the workers of a `Cluster` (a Dask
+scheduler which is there already; whatever Dask raises and prints stays in this module). Last, a
+helper: one process for compiled code that damaged data may end.
+"""
+
+import atexit
+import logging
+import math
+import os
+import pickle
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import cache
+from types import TracebackType
+from typing import Any, Protocol, Self, TypeVar
+
+from tgospa_eval._version import __version__
+from tgospa_eval.common import files
+from tgospa_eval.common.machine import available_memory, cores
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import on_surface, option, surface
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+CHUNK_SECONDS = 1.0
+"""Seconds after which a worker hands back what is ready, and what of its chunk is not begun."""
+
+POLL = 1.0
+"""Seconds between looks at a pool while nothing comes."""
+
+CHUNKS_AHEAD = 4
+"""Chunks for each worker into which what is left would be cut: they become smaller at the end."""
+
+
+class DiedError(Exception):
+    """The process that worked on it died, or each of several that tried."""
+
+
+class Future(Protocol):
+    """Of an engine."""
+
+    def add_done_callback(self, function: Callable[[Any], object], /) -> object:
+        """Call a function with this future when it has ended."""
+
+
+class Pool(Protocol):
+    """Workers that are there."""
+
+    @property
+    def died(self) -> bool:
+        """Whether a worker has, so that another pool is wanted."""
+
+    def workers(self) -> int:
+        """How many jobs are worked on at once."""
+
+    def submit(self, function: Callable[..., R], *arguments: object) -> Future:
+        """Have a function called in a worker; raises `DiedError` where there is none any more."""
+
+    def answer(self, future: Any) -> Any:
+        """What came out of a future that has ended; raises `DiedError`."""
+
+    def look(self) -> None:
+        """Called every now and then while nothing comes."""
+
+
+class Engine(Protocol):
+    """Where jobs are done."""
+
+    def open(self, most: int) -> AbstractContextManager[Pool]:
+        """Have workers, so many at most; left by an exception it ends their work at once."""
+
+
+ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
+"""How jobs are tried: how many in a chunk; chunks that are with each worker, which are all tried
+again if one of them dies; whether nothing else is worked on meanwhile. What was with a dying worker
+is tried again with fewer beside it: one job is to blame."""
+
+
+def spread(
+    work: Callable[[J], R], jobs: Sequence[J], lost: Callable[[J], R], engine: Engine
+) -> Generator[R, None, None]:
+    """Do the jobs; answers come as they are ready.
+
+    Jobs that were with a worker that died are tried again as `ATTEMPTS` has it; a job whose worker
+    dies when it is alone is answered by `lost`.
+    """
+    left: Sequence[J] = jobs
+    for most, ahead, alone in ATTEMPTS:
+        waiting, suspects = deque(left), list[J]()
+        while waiting:
+            with engine.open(1 if alone else len(waiting)) as pool:
+                yield from _until_one_dies(work, waiting, suspects, pool, most, ahead, alone)
+        left = suspects
+    yield from map(lost, left)
+
+
+def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
+    """The answers of the first jobs of a chunk: at least one, and what is ready in a second."""
+    until = time.monotonic() + CHUNK_SECONDS
+    answers = []
+    for job in chunk:
+        answers.append(work(job))
+        if time.monotonic() > until:
+            break
+    return answers
+
+
+def _until_one_dies(
+    work: Callable[[J], R],
+    waiting: deque[J],
+    suspects: list[J],
+    pool: Pool,
+    most: int,
+    ahead: int,
+    alone: bool,
+) -> Iterator[R]:
+    """Answers of the jobs that wait, until a worker dies or none is left."""
+    ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    running: dict[Any, list[J]] = {}
+    broken = False
+    while running or (waiting and not broken):
+        workers = 1 if alone else max(1, pool.workers())
+        while waiting and not broken and len(running) < ahead * workers:
+            size = min(most, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
+            chunk = [waiting.popleft() for _ in range(size)]
+            try:
+                future = pool.submit(some, work, chunk)
+            except DiedError:
+                suspects += chunk
+                broken = True
+            else:
+                running[future] = chunk
+                future.add_done_callback(ended.put)
+        for future in _taken(ended, pool) if running else ():
+            chunk = running.pop(future)
+            try:
+                answers = pool.answer(future)
+            except DiedError:
+                suspects += chunk
+                broken = True
+                continue
+            waiting.extendleft(reversed(chunk[len(answers) :]))
+            yield from answers
+
+
+def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
+    """The futures that have ended; one at least, or none after a while."""
+    try:
+        yield ended.get(timeout=POLL)
+    except queue.Empty:
+        pool.look()
+        return
+    while not ended.empty():
+        yield ended.get()
+
+
+# -------------------------------------------------------------------------------------------------
+# Worker processes on this machine: loky, as joblib brings it.
+
+PARENT_CHECK = 1.0
+"""Seconds between looks at whether the parent is there."""
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""What linear algebra is told before it is loaded."""
+
+
+class Processes:
+    """Processes of this machine.
+
+    Parameters
+    ----------
+    number : int, optional
+        How many; by default as many as there are cores. Each may take its share of the memory that
+        is available.
+    """
+
+    def __init__(self, number: int | None = None) -> None:
+        self.number = number
+
+    @contextmanager
+    def open(self, most: int) -> Iterator["Local"]:
+        """Processes that end at once when the work is broken off."""
+        from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
+
+        # Of a pool that is broken off the process that looks after its locks would complain.
+        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+        _begin_trackers()
+        number = max(1, min(self.number or cores(), most))
+        free = available_memory()
+        share = None if free is None else free // (self.number or cores())
+        pool = ProcessPoolExecutor(
+            max_workers=number, initializer=_begin, initargs=(share, os.getpid()), env=ONE_THREAD
+        )
+        try:
+            yield Local(pool, number)
+        except BaseException:
+            pool.shutdown(wait=True, kill_workers=True)
+            raise
+        pool.shutdown(wait=True)
+
+
+def engine_of(scheduler: str | None, number: int | None) -> Engine:
+    """The workers of a scheduler, if there is one; else so many processes of this machine."""
+    return Cluster(scheduler) if scheduler else Processes(number)
+
+
+class Local:
+    """A pool of processes; when one dies, all that is with it is lost."""
+
+    def __init__(self, pool: Any, number: int) -> None:
+        self.pool, self.number, self.died = pool, number, False
+
+    def workers(self) -> int:
+        """How many there are."""
+        return self.number
+
+    def submit(self, function: Callable[..., object], *arguments: object) -> Future:
+        """Have a function called."""
+        with self._told_when_dead(), uninterrupted():
+            future: Future = self.pool.submit(on_surface, surface.get(), function, *arguments)
+            return future
+
+    def answer(self, future: Any) -> Any:
+        """What came out."""
+        with self._told_when_dead():
+            return future.result()
+
+    def look(self) -> None:
+        """Nothing to see: a process that dies ends its futures."""
+
+    @contextmanager
+    def _told_when_dead(self) -> Iterator[None]:
+        from joblib.externals.loky.process_executor import BrokenProcessPool
+
+        try:
+            yield
+        except BrokenProcessPool:
+            self.died = True
+            raise DiedError from None
+
+
+def _begin_trackers() -> None:
+    """Have what loky begins with its first worker: Python up to 3.13 lets Ctrl-C through then."""
+    if hasattr(signal, "pthread_sigmask"):
+        from multiprocessing import resource_tracker
+
+        resource_tracker.ensure_running()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(share: int | None, parent: int) -> None:
+    """A worker keeps to its share of the memory, and does not outlive the one who asked.
+
+    Who that is has to be told: it may be gone already.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from joblib.externals.loky import process_executor  # lazy: slow to import
+
+    # Loky takes it for a leak when a worker has grown by 0.3 GB; large jobs do, and the limit is
+    # ours to set. Where it has no such number, nothing happens.
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+    limit_memory(share)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def limit_memory(share: int | None) -> None:
+    """Refuse this process more than so many bytes, where the system can."""
+    if share is not None and sys.platform == "linux":
+        import resource
+
+        # Memory that can be written; address space would count what is only reserved.
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        if hard == resource.RLIM_INFINITY or share < hard:
+            with suppress(ValueError, OSError):  # others may have set less meanwhile
+                resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECK)
+    os._exit(1)
+
+
+# -------------------------------------------------------------------------------------------------
+# Workers that stay from one list of jobs to the next: to have them anew takes a second each.
+
+
+class PersistentPool:
+    """An engine that opens one pool of another, and a new one where a worker of it has died.
+
+    Used in a ``with`` statement, whose end ends the workers.
+
+    Parameters
+    ----------
+    engine : Engine
+        Opens the pools.
+    most : int
+        Workers that are wanted.
+    patience : float
+        Seconds of work that whoever has jobs is to do without workers: what ends sooner ends before
+        workers would have begun.
+    """
+
+    def __init__(self, engine: Engine, most: int, patience: float = 0.0) -> None:
+        self.engine, self.most, self.patience = engine, most, patience
+        self._stack = ExitStack()
+        self._pool: Pool | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
+
+    @contextmanager
+    def open(self, most: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
+        """The pool that is there."""
+        if self._pool is None or self._pool.died:
+            self._stack.close()
+            self._pool = self._stack.enter_context(self.engine.open(self.most))
+        yield self._pool
+
+
+# -------------------------------------------------------------------------------------------------
+# Workers of a cluster: that of a Dask scheduler which is there already.
+#
+# Whatever Dask raises and prints stays in this module.
+
+CONNECT = 10.0
+"""Seconds in which a scheduler must answer."""
+
+
+class Cluster:
+    """The workers of a scheduler.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``tcp://host:8786``.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+
+    @contextmanager
+    def open(self, most: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)
+        """A connection; what is under way is cancelled when the work is broken off.
+
+        Raises
+        ------
+        ConfigError
+            The extra is missing, the scheduler does not answer or is lost.
+        """
+        try:
+            from distributed import Client
+            from distributed.versions import VersionMismatchWarning
+        except ModuleNotFoundError:
+            raise ConfigError(
+                f"{option('scheduler')} needs the extra cluster: {install('cluster')}"
+            ) from None
+        self._reach()
+        with _silent_logs():
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", VersionMismatchWarning)
+                client = Client(self.address, timeout=CONNECT, set_as_default=False)
+            pool = Remote(self.address, client)
+            try:
+                yield pool
+            finally:
+                pool.close()
+
+    def _reach(self) -> None:
+        """Whether the scheduler answers.
+
+        Raises
+        ------
+        ConfigError
+            It does not.
+        """
+        import asyncio
+
+        from distributed.comm import connect
+
+        async def reach() -> None:
+            comm = await connect(self.address, timeout=CONNECT)
+            await comm.close()
+
+        try:
+            asyncio.run(reach())  # a client that finds none would complain long after
+        except (OSError, ValueError) as error:
+            raise ConfigError(
+                f"{option('scheduler', self.address)}: no Dask scheduler answers: "
+                f"{files.reason(error)}"
+            ) from None
+
+
+@contextmanager
+def _silent_logs() -> Iterator[None]:
+    """What Dask logs of losses is said by us, in one line."""
+    logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if _is_dask(name)]
+    before = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for log, level in zip(logs, before, strict=True):
+            log.setLevel(level)
+
+
+def _is_dask(name: str) -> bool:
+    return name.partition(".")[0] == "distributed"
+
+
+class Remote:
+    """A connection to the workers; Dask itself tries elsewhere what was with one that died."""
+
+    def __init__(self, address: str, client: Any) -> None:
+        self.address, self.client = address, client
+        self._threads, self._counted = 0, -math.inf
+        self._told = self.died = False
+
+    def workers(self) -> int:
+        """Threads of all workers, as of the last second."""
+        if time.monotonic() - self._counted > POLL:
+            with self._lost_told():
+                self._threads = sum(self.client.nthreads().values())
+            self._counted = time.monotonic()
+        return self._threads
+
+    def submit(self, function: Callable[..., object], *arguments: object) -> Future:
+        """Have a function called; the scheduler sees bytes alone."""
+        with self._lost_told():
+            content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
+            # Not pure: the same job twice is meant.
+            future: Future = self.client.submit(call_checked, content, __version__, pure=False)
+            return future
+
+    def answer(self, future: Any) -> Any:
+        """What came out.
+
+        Raises
+        ------
+        DiedError
+            Every worker that tried died.
+        ConfigError
+            The scheduler is lost, or workers have another version or none.
+        """
+        from distributed import KilledWorker
+
+        try:
+            with self._lost_told():
+                return future.result()
+        except KilledWorker:
+            self.died = True
+            raise DiedError from None
+        except ImportError as error:
+            raise self._lacking(error) from None
+        except RuntimeError as error:  # on the scheduler, which looks at what it passes on
+            if isinstance(error.__cause__, ImportError):
+                raise self._lacking(error.__cause__) from None
+            raise
+
+    def look(self) -> None:
+        """Tell once if there are no workers."""
+        if not self.workers() and not self._told:
+            self._told = True
+            files.announce(f"waiting for workers of {self.address}")
+
+    def _lacking(self, error: ImportError) -> ConfigError:
+        return ConfigError(
+            f"{option('scheduler', self.address)}: {error}; install tgospa-eval {__version__} "
+            "with what it needs where the scheduler and its workers run"
+        )
+
+    @contextmanager
+    def _lost_told(self) -> Iterator[None]:
+        """Raise losses of the connection as one error."""
+        from concurrent.futures import CancelledError
+
+        try:
+            yield
+        except (OSError, CancelledError):
+            raise ConfigError(
+                f"{option('scheduler', self.address)}: the connection was lost; what is stored "
+                "stays, and the same command goes on from there"
+            ) from None
+
+    def close(self) -> None:
+        """Leave; what is not begun is begun no more."""
+        with suppress(OSError, RuntimeError):
+            self.client.close()
+
+
+def call_checked(content: bytes, version: str) -> Any:
+    """Call a function in a worker.
+
+    Raises
+    ------
+    ConfigError
+        The worker has another version.
+    """
+    if version != __version__:
+        raise ConfigError(
+            f"the worker on {socket.gethostname()} has tgospa-eval {__version__}, this is "
+            f"{version}: install the same"
+        )
+    function, arguments = pickle.loads(content)
+    return function(*arguments)
+
+
+# -------------------------------------------------------------------------------------------------
+# One process beside ours, for compiled code that damaged data may end: it alone ends then.
+#
+# It begins with the first call and stays as long as this process does.
+
+SERVE = (
+    "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+    "from tgospa_eval.engines import serve; serve()"
+)
+
+_lock = threading.Lock()
+
+
+def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
+    """Call a function of a module in the process.
+
+    Raises
+    ------
+    OSError
+        No process can be started.
+    DiedError
+        The process ended; with what is the message.
+    Exception
+        Whatever the function raises.
+    """
+    with _lock:
+        is_done, result = _answer(
+            _started(os.getpid()), (on_surface, (surface.get(), function, *arguments))
+        )
+    if not is_done:
+        raise result
+    return result
+
+
+@cache
+def _started(parent: int) -> Any:  # noqa: ARG001  (one that was forked has none)
+    """Start the process."""
+    with uninterrupted():
+        process: Any = subprocess.Popen(
+            [sys.executable, "-c", SERVE],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | ONE_THREAD,
+        )
+    atexit.register(process.__exit__, None, None, None)
+    try:
+        _answer(process, sys.path)
+    except DiedError as error:
+        raise OSError(f"it ended as it began, with {error}") from None
+    return process
+
+
+def _answer(process: Any, message: object) -> Any:
+    """What the process answers."""
+    try:
+        pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
+        process.stdin.flush()
+        return pickle.load(process.stdout)
+    except BaseException as error:  # Ctrl-C too: what would come later answers nobody
+        _started.cache_clear()
+        process.kill()
+        process.communicate()
+        if isinstance(error, OSError | EOFError | pickle.UnpicklingError):
+            raise DiedError(f"status {process.returncode}") from None
+        raise
+
+
+def serve() -> None:
+    """Answer calls until whoever makes them is gone."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # for whatever a library prints
+    result: tuple[bool, object] = True, None
+    while True:
+        pickle.dump(result, answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+        try:
+            function, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            result = True, function(*arguments)
+        except Exception as error:
+            result = False, error

@@ -1,1 +1,0 @@
-"""States of two sensors: which belong together, and clouds of fewer particles."""
