@@ -20,7 +20,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Json
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"

@@ -24,7 +24,7 @@ from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.text import option
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12

@@ -25,9 +25,8 @@ from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.durations import signed_seconds
-from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.conversion import Conversion, signed_seconds
+from tgospa_eval.tracks.weights import EXISTENCE
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.ignoring import Ignoring

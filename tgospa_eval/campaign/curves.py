@@ -31,7 +31,7 @@ from tgospa_eval.show.batch import (
     RmsCurve,
 )
 from tgospa_eval.text import listed, option
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -61,8 +61,7 @@ from tgospa_eval.show.phrases import RULES, Rule
 from tgospa_eval.show.side_tables import COMPARED
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.coverage import DIGESTS, incomparable, judge_alike, judged_of
-from tgospa_eval.tracks.ignored import OWN_MARKS
+from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, incomparable, judge_alike, judged_of
 
 if TYPE_CHECKING:
     import pandas as pd

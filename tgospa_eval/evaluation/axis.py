@@ -14,12 +14,12 @@ from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
-from tgospa_eval.tracks.durations import SECOND, Duration, multiples
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.held import Held
+    from tgospa_eval.tracks.alignment import Held
     from tgospa_eval.tracks.interpolation import Interpolated
 
 Sides = tuple[Trajectories, Trajectories]

@@ -21,13 +21,11 @@ from tgospa_eval.problem.certificate import (
     lower_bounds,
     prove,
 )
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import up
 from tgospa_eval.problem.prefixes import PrefixBounds, RowMoves, forward, offsets, whole_prices
 from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.solution import Reduced, Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.problem.states import ONE, States, merge_runs, repair
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
 

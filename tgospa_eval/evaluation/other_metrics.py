@@ -29,8 +29,8 @@ from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import OtherMetrics
 from tgospa_eval.text import option
-from tgospa_eval.tracks.attributes import file_order
-from tgospa_eval.tracks.held import Held
+from tgospa_eval.tracks.alignment import Held
+from tgospa_eval.tracks.trajectories import file_order
 
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""

@@ -17,7 +17,6 @@ from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
@@ -27,20 +26,28 @@ from tgospa_eval.problem.metric_family import (
     weight_steps,
 )
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.proof import ComparedSides
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
-from tgospa_eval.tracks.coverage import Coverage, digest, judge, unsigned_zeros, whole
-from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
-from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import (
+    AWAY,
+    NOT_JUDGED,
+    Coverage,
+    digest,
+    judge,
+    marks_of,
+    unsigned_zeros,
+    whole,
+)
 from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.weights import EXISTENCE, existence_of, expected
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.held import Held
-    from tgospa_eval.tracks.step_weights import WeightsByTime
+    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.weights import WeightsByTime
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

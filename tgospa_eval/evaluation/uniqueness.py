@@ -17,8 +17,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import turns
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.proof import PairProof
 
 NO_TIE = 1e-9

@@ -25,8 +25,8 @@ from tgospa_eval.explain.edits import (
 )
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.weights import EXISTENCE
 
 HALVES = 2
 """Halves of a switch from one estimate to another."""

@@ -13,11 +13,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Objects
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
-from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
 from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.existence import existence_of
-from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
-from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+from tgospa_eval.tracks.coverage import AWAY, NOT_JUDGED, marks_of
+from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories, chosen, stacked
+from tgospa_eval.tracks.weights import existence_of
 
 NO_PARTNER = -1
 """The partner of what is assigned to nothing."""

@@ -49,8 +49,8 @@ from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_s
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.weights import existence_of
 
 # -------------------------------------------------------------------------------------------------
 # Proof of what a repair saves: what it touches is evaluated again, the bounds of the rest stay.

@@ -17,10 +17,9 @@ from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.attributes import ROW, Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.regions import BOX, Regions, Shape
-from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.columns.spread import SpreadColumns

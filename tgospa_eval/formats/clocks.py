@@ -13,8 +13,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.times import EARLIEST, LATEST, TimeError, Times
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.durations import SECOND, TIME_UNITS
+from tgospa_eval.tracks.conversion import SECOND, TIME_UNITS, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 EPOCHS = ("s", "ms", "us", "ns")

@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.trajectories import Values
 
 MISSING = frozenset(
     (

@@ -32,7 +32,7 @@ from tgospa_eval.formats.rows import (
 from tgospa_eval.formats.text.lines import numbers
 from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times, read_times
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.trajectories import Values
 
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""

@@ -17,8 +17,8 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
+from tgospa_eval.tracks.weights import WeightsByTime, repeated
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,8 +16,7 @@ from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.formats.where import Where
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.durations import Duration, Steps
+from tgospa_eval.tracks.conversion import Conversion, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 if TYPE_CHECKING:

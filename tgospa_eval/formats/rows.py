@@ -15,7 +15,7 @@ from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.times import Times
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.trajectories import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]
 """Distinct texts in natural order, and the number of each row's."""

@@ -13,8 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.formats.fields import Coded, floats, joined_texts
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND, iso
 from tgospa_eval.tracks.trajectories import TimeArray
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"

@@ -14,7 +14,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.attributes import Values
+    from tgospa_eval.tracks.trajectories import Values
 
 ITEM = r"""("[^"]*"|'[^']*'|[^\s"'<>=!]+)"""
 ONE = re.compile(rf"\s*{ITEM}\s*([<>]=?|[!=]=)\s*{ITEM}\s*(?:\Z|(and)(?=\s))", re.IGNORECASE)

@@ -14,12 +14,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, ignore_states
 from tgospa_eval.problem.problem import Objects, Problem
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Breakdown
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.solvers.certified import Certified
 
 ENTRY = np.dtype(

@@ -48,7 +48,7 @@ from tgospa_eval.partitioned.input.runs import (
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.text import listed, option
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32

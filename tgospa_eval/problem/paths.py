@@ -12,8 +12,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import sum_parts
-from tgospa_eval.problem.slots import Slots
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import Slots, States
 
 SUMMANDS = 1024
 """Terms of a sum whose rounding is bounded together."""

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, assigned, changes, spare
+from tgospa_eval.problem.states import ONE, States, assigned, changes, spare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

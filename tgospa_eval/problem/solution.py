@@ -69,7 +69,7 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `problem.smaller_cutoff`.
+        The problem of these blocks at the smaller cutoff, from `problem.certificate`.
     blocks : (B,) bool array
         Which blocks of the whole they are.
     scale : float

@@ -12,8 +12,8 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import Costs, Labels
 
 if TYPE_CHECKING:
+    from tgospa_eval.tracks.alignment import Held
     from tgospa_eval.tracks.clouds import Clouds
-    from tgospa_eval.tracks.held import Held
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

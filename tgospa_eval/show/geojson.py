@@ -11,7 +11,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
-from tgospa_eval.problem.weights import ONE, assigned, spare
+from tgospa_eval.problem.states import ONE, assigned, spare
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json
 from tgospa_eval.text import option

@@ -23,7 +23,7 @@ from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import SPREAD, costliest

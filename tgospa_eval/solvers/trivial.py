@@ -7,8 +7,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.problem.paths import best_values, turns
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.states import States, connected_components
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States, connected_components
 
 
 def best_paths(states: States, prices: Floats) -> Floats:

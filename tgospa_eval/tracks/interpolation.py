@@ -11,6 +11,7 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import (
+    Held,
     TimeMatching,
     Times,
     apart_of,
@@ -18,11 +19,9 @@ from tgospa_eval.tracks.alignment import (
     joined_to,
     within,
 )
-from tgospa_eval.tracks.attributes import chosen
-from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.held import Held
-from tgospa_eval.tracks.ignored import AWAY, marks_of
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.conversion import SECOND
+from tgospa_eval.tracks.coverage import AWAY, marks_of
+from tgospa_eval.tracks.trajectories import Trajectories, chosen
 
 HALF_TURN = 180.0
 """Largest longitude."""
@@ -88,7 +87,7 @@ def interpolated(
         Of the two, for messages.
     across : str
         Where two states are farther apart there are states between them as well, marked by this
-        attribute, and with `tracks.ignored.AWAY`. Blank: there are none.
+        attribute, and with `tracks.coverage.AWAY`. Blank: there are none.
 
     Raises
     ------

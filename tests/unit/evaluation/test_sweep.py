@@ -25,8 +25,7 @@ from tgospa_eval.formats.objects import read_object
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 

@@ -24,7 +24,7 @@ from tgospa_eval.evaluation.diagnosis.offset import Fit, Search, sharpest, signi
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:

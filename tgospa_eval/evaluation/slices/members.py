@@ -22,7 +22,7 @@ from tgospa_eval.results.slices import (
     UNNAMED,
 )
 from tgospa_eval.text import listed, option, quoted
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.trajectories import Values
 
 MOST_DISTINCT = 20
 """Different numbers that have a slice each where no edges are given."""

@@ -20,8 +20,7 @@ from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Objects, sum_by
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, spare
+from tgospa_eval.problem.states import ONE, States, changes, spare
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, added_up
 from tgospa_eval.text import option, quoted

@@ -13,9 +13,8 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.text import listed, option, quoted
-from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.conversion import SECOND
+from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 INSIDE, OUTSIDE = "inside", "outside"
 """Of a region."""

@@ -23,8 +23,8 @@ from tgospa_eval.formats.columns.patterns import (
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import COMMAND, listed, option, quoted, surface
-from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
+from tgospa_eval.tracks.weights import EXISTENCE
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.columns.spread import SpreadColumns

@@ -13,7 +13,7 @@ from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import check_text, decode, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
+from tgospa_eval.tracks.weights import WeightsByTime, repeated
 
 MATRIX_NEEDED = "a matrix d x d is needed, without header"
 WEIGHTS_HEADER = "t,weight[,switch_weight]"

@@ -30,8 +30,7 @@ from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.attributes import Values, checked
-from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22
 """Distinct times that wait to be merged with those of other parts."""
