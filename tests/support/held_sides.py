@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.steps import BlockPlan

@@ -24,7 +24,7 @@ from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats

@@ -10,7 +10,7 @@ from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,

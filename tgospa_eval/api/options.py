@@ -13,7 +13,7 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.options import Values, setting
 from tgospa_eval.common.words import parsed, parsed_whole
-from tgospa_eval.distances.registry import DISTANCES
+from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.text import quoted

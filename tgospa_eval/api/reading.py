@@ -10,7 +10,7 @@ from tgospa_eval.api.places import check_places
 from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.frozen import replace
-from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import AlignedPair, fit

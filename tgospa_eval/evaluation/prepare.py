@@ -12,7 +12,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
-from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis

@@ -13,7 +13,7 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.distances.checks import check_columns
+from tgospa_eval.distances.base import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import InputError

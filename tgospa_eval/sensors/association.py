@@ -13,9 +13,9 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import DISTANCES, Distance, Norm, Pairs, Resources, near_pairs
-from tgospa_eval.distances.checks import check_columns, check_states
-from tgospa_eval.distances.clouds.transport import cross_covariance
+from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.sphere import RADIUS
+from tgospa_eval.distances.transport import cross_covariance
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns

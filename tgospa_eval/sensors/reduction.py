@@ -6,9 +6,9 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Reduction, Resources, cloud_wasserstein
-from tgospa_eval.distances.clouds.distance import reduced
-from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
-from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
+from tgospa_eval.distances.clouds import reduced
+from tgospa_eval.distances.reduction import sliced_wasserstein, spread_directions
+from tgospa_eval.distances.transport import MOST_PARTICLES, POT_NEEDED, can_transport
 from tgospa_eval.results.records import Columns
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
-from tgospa_eval.distances.registry import DISTANCES
+from tgospa_eval.distances import DISTANCES
 from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.rendering import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.text import ending, option

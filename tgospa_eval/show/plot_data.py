@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.clouds.transport import merged, resample_cloud
+from tgospa_eval.distances.transport import merged, resample_cloud
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of

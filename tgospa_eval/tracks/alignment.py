@@ -1,8 +1,8 @@
 """Two sides on one time grid: which stamps are one step, and which steps count.
 
 Knows no file and no metric. Reports of an estimate on a common clock hold for the tracker's
-period: a report is judged against the truth at the time of the report, and the clock only samples which
-reports hold: nothing that was not reported is made (docs/how-to/which-steps-count.md).
+period: each is judged against the truth at its own time, and the clock only samples which reports
+hold. Nothing that was not reported is made (docs/how-to/which-steps-count.md).
 """
 
 import math

@@ -16,7 +16,7 @@ from strategies import ORDERS, pairs_of_sets, scene
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation import sweep as sensitivity
 from tgospa_eval.evaluation.prepare import MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
