@@ -16,7 +16,7 @@ from tgospa_eval.evaluation.request import (
     chosen_parameters,
 )
 from tgospa_eval.formats import ROLES, ReadOptions
-from tgospa_eval.formats.columns.headers import columns_of_each, parse_columns
+from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.where import parse_where

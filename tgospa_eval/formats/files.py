@@ -73,8 +73,8 @@ def _read_file(
 ) -> Reading:
     """Read a file, by the reader of its format."""
     from tgospa_eval.formats.assemble import assemble
-    from tgospa_eval.formats.columns.headers import has_patterns
     from tgospa_eval.formats.guess import file_of, folder_format, guess
+    from tgospa_eval.formats.headers import has_patterns
     from tgospa_eval.formats.loading import unpacked_file
     from tgospa_eval.formats.rows import Rows
 

@@ -16,11 +16,11 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
-from tgospa_eval.formats.columns.headers import Roles, find_roles, has_patterns, parse_columns
-from tgospa_eval.formats.columns.patterns import objects_in, shared_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
+from tgospa_eval.formats.headers import has_patterns, objects_in, parse_columns, shared_columns
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.roles import Roles, find_roles
 from tgospa_eval.formats.rows import (
     Rows,
     blanks,

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
 from tgospa_eval.formats.loading import check_memory, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import quoted
 

@@ -12,9 +12,9 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
-from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading, by_place
+from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names

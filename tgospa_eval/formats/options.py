@@ -257,7 +257,7 @@ class ReadOptions:
     roles : tuple of str
         What these files are.
     option : str
-        What messages call `columns`, see `formats.columns.headers.ask`.
+        What messages call `columns`, see `formats.headers.ask`.
     of_tables : str
         An option in use that only what has rows and headers can follow; blank if there is none.
 

@@ -12,8 +12,8 @@ import pandas as pd
 
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX, Headers
 from tgospa_eval.formats.guess import foreign
+from tgospa_eval.formats.headers import BOX, Headers
 from tgospa_eval.formats.loading import TABLE, check_memory, load, most_bytes, unpack, unreadable
 from tgospa_eval.formats.nuscenes import is_unicode, load_json
 from tgospa_eval.formats.options import ReadOptions

@@ -9,8 +9,8 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats, is_number
+from tgospa_eval.formats.headers import FIRST_ALIASES
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of

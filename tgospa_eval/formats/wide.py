@@ -6,10 +6,9 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import ask
-from tgospa_eval.formats.columns.patterns import ID_MARK
 from tgospa_eval.formats.frames import lengthened
 from tgospa_eval.formats.guess import COMMENTS
+from tgospa_eval.formats.headers import ID_MARK, ask
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.text.lines import check_text, decode, lines_of

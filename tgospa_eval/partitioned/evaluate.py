@@ -24,7 +24,7 @@ from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_setti
 from tgospa_eval.evaluation.prove import make_result, nested_timings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
-from tgospa_eval.formats.columns.headers import ask
+from tgospa_eval.formats.headers import ask
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
 from tgospa_eval.partitioned.input.listing import changed_file, files_of, stored

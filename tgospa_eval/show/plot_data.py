@@ -20,7 +20,7 @@ from tgospa_eval.distances.transport import merged, resample_cloud
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.states import ONE

@@ -9,7 +9,7 @@ from tgospa_eval.common.arrays import Floats, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
-from tgospa_eval.formats.columns.headers import METRES
+from tgospa_eval.formats.headers import METRES
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.text import option

@@ -11,7 +11,7 @@ from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values

@@ -20,9 +20,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import compiled
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.guess import COMMENTS
+from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import (
     Rows,
     blanks,

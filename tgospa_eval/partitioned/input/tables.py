@@ -13,9 +13,9 @@ from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.arrow import arrow_rows, check_types, readable
-from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.loading import PACKED_FROM, check_parquet, is_packed, unpacking
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import Roles, find_roles
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
 from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
