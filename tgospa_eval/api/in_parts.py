@@ -26,12 +26,11 @@ from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.fields import floats, parse_times
 from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.objects import is_path
-from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.text import option
 

@@ -15,7 +15,7 @@ from tgospa_eval.common.options import Values, setting
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.registry import FORMATS
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:

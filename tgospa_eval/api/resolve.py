@@ -18,8 +18,7 @@ from tgospa_eval.evaluation.request import (
 from tgospa_eval.formats import ROLES, ReadOptions
 from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
-from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.where import parse_where
+from tgospa_eval.formats.options import parse_moments, parse_steps, parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, as_solver, solver_class

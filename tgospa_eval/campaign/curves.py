@@ -19,8 +19,7 @@ from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import counted
-from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.times import TimeError, parse_times, places
+from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
 from tgospa_eval.results.records import Time
 from tgospa_eval.show.batch import (
     KIND_COLUMN,

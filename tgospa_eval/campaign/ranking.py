@@ -43,8 +43,8 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural, number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.formats.times import TimeError
-from tgospa_eval.formats.times import places as places_of_times
+from tgospa_eval.formats.fields import TimeError
+from tgospa_eval.formats.fields import places as places_of_times
 from tgospa_eval.problem.gospa import (
     Switched,
     changes_since_last_step,

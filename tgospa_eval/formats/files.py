@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import is_regular
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.objects import is_path, read_object
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
-from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.text import READER, option, spelled_for
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories

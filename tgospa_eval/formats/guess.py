@@ -8,9 +8,9 @@ from itertools import takewhile
 
 from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.common.words import natural
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
-from tgospa_eval.formats.registry import FORMATS
 
 ENDINGS = {
     ".csv": "csv",

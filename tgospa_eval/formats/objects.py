@@ -23,7 +23,7 @@ from tgospa_eval.tracks.weights import WeightsByTime, repeated
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.formats.times import Times
+    from tgospa_eval.formats.fields import Times
     from tgospa_eval.tracks.clouds import Cloud
     from tgospa_eval.tracks.trajectories import TimeArray
 

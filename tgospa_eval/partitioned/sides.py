@@ -30,11 +30,11 @@ from tgospa_eval.formats.assemble import (
     rules_said,
     said_of,
 )
+from tgospa_eval.formats.fields import Times
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import Times
 from tgospa_eval.partitioned.input.listing import File, files_of, state_of
 from tgospa_eval.partitioned.input.runs import (
     Moments,

@@ -10,7 +10,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import Attribute
-from tgospa_eval.formats.times import EXACT_BELOW
+from tgospa_eval.formats.fields import EXACT_BELOW
 from tgospa_eval.results.slices import (
     AND_MORE,
     BETWEEN_EDGES,

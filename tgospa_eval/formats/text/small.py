@@ -7,11 +7,10 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.fields import floats, is_number
+from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
 from tgospa_eval.formats.headers import FIRST_ALIASES
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import check_text, decode, numbers
-from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.weights import WeightsByTime, repeated
 

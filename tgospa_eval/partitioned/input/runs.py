@@ -23,10 +23,10 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import attributes_of
+from tgospa_eval.formats.fields import EXACT_BELOW, Times
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
-from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
 from tgospa_eval.text import quoted
