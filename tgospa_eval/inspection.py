@@ -10,10 +10,9 @@ from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.evaluation.diagnosis import diagnose, explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
-from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading

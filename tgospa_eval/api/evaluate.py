@@ -14,7 +14,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural, parsed_size
 from tgospa_eval.distances import Resources
-from tgospa_eval.evaluation.by_class import add_up
+from tgospa_eval.evaluation.pair import add_up
 from tgospa_eval.evaluation.prepare import AlignedPair, fit, prepare
 from tgospa_eval.evaluation.prove import nested_timings, prove
 from tgospa_eval.evaluation.request import EvaluationRequest

@@ -14,9 +14,11 @@ from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
+    default_notice,
     diagnose,
+    explained,
+    unit_notices,
 )
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading

@@ -1,6 +1,6 @@
 """Which states are inside regions: points, and boxes by the share of their area.
 
-Regions from a CSV file, a table or GeoJSON.
+Regions come from a CSV file, a table or GeoJSON.
 """
 
 import json

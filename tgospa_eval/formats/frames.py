@@ -1,6 +1,6 @@
 """pandas DataFrames in the long form of the CSV files.
 
-Tables of text with columns of their own for each object: ``t,x1,y1,x2,y2``, and DeepLabCut.
+Tables of text may have columns of their own for each object: ``t,x1,y1,x2,y2``, DeepLabCut.
 """
 
 import csv

@@ -1,6 +1,6 @@
 """How to read a file, and which rows of it. Knows no format.
 
-Filters by comparisons of columns, ``score >= 0.5 and type != van``: parsed, never executed.
+Filters compare columns, ``score >= 0.5 and type != van``: they are parsed, never executed.
 """
 
 import math

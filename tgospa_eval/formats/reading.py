@@ -1,8 +1,7 @@
 """What a file gave: its trajectories, and what the user should know about how they were read.
 
-Regions of the plane, of an image or of the Earth, in which estimates are not judged.
-
-Knows no file, and of shapes no more than that they have an area.
+Regions of the plane, of an image or of the Earth, in which estimates are not judged, are shapes that
+have an area.
 """
 
 import hashlib

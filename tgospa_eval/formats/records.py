@@ -1,7 +1,6 @@
 """JSON: flat records in a list or on lines, and annotations of COCO with tracks. And Excel.
 
-nuScenes: annotations as the tables of a folder, results as the JSON of a tracking submission.
-
+nuScenes has annotations as the tables of a folder, results as the JSON of a tracking submission.
 Results name samples by tokens; when these were, and of which scene, is in the tables alone.
 """
 

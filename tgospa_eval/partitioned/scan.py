@@ -14,8 +14,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.distances import Pairs, Resources
 from tgospa_eval.evaluation.axis import Axis, Sides
-from tgospa_eval.evaluation.localisation import parts_of_distances
 from tgospa_eval.evaluation.prepare import AlignedPair, NearPairs, fit
+from tgospa_eval.evaluation.prove import parts_of_distances
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.steps import BlockPiece

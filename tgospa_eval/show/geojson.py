@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.by_class import EvaluationByClass
-from tgospa_eval.evaluation.pair import PairEvaluation
+from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.states import ONE, assigned, spare
 from tgospa_eval.results.evaluation import Evaluation

@@ -10,8 +10,7 @@ from strategies import scene
 
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.evaluation.curve import trace
-from tgospa_eval.evaluation.endings import ContinuedPrefixes, SeparateStretches
+from tgospa_eval.evaluation.curve import ContinuedPrefixes, SeparateStretches, trace
 from tgospa_eval.problem.prefixes import Cells
 from tgospa_eval.problem.states import merge_runs, repair
 
