@@ -217,7 +217,7 @@ def is_recording(folder: str, columns: str) -> bool:
     """
     if is_table_folder(folder):
         return False
-    from tgospa_eval.partitioned.input.listing import stored  # lazy: most evaluations are of files
+    from tgospa_eval.partitioned.files import stored  # lazy: most evaluations are of files
 
     files = [file.path for file, _ in stored(folder)]
     formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}

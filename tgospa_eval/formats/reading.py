@@ -1,7 +1,6 @@
 """What a file gave: its trajectories, and what the user should know about how they were read.
 
-Regions of the plane, of an image or of the Earth, in which estimates are not judged, are shapes that
-have an area.
+Regions in which estimates are not judged are shapes of the plane, of an image or of the Earth.
 """
 
 import hashlib

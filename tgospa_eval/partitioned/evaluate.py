@@ -27,11 +27,10 @@ from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.headers import ask
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
-from tgospa_eval.partitioned.input.listing import changed_file, files_of, stored
+from tgospa_eval.partitioned.files import changed_file, files_of, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
-from tgospa_eval.partitioned.scan import Scanned, fitted
+from tgospa_eval.partitioned.scan import BlockPlan, Scanned, clock_of, find_steps, fitted
 from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
-from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow

@@ -35,8 +35,16 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.partitioned.input.listing import File, files_of, state_of
-from tgospa_eval.partitioned.input.runs import (
+from tgospa_eval.partitioned.files import (
+    File,
+    FilePiece,
+    files_of,
+    open_table,
+    read_head,
+    size_of,
+    state_of,
+)
+from tgospa_eval.partitioned.runs import (
     Moments,
     merged_moments,
     merged_rows,
@@ -45,7 +53,6 @@ from tgospa_eval.partitioned.input.runs import (
     run_rows,
     write_runs,
 )
-from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.text import listed, option
 from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of

@@ -27,8 +27,7 @@ from tgospa_eval.formats.fields import EXACT_BELOW, Times
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
-from tgospa_eval.partitioned.input.listing import File
-from tgospa_eval.partitioned.input.tables import FilePiece
+from tgospa_eval.partitioned.files import File, FilePiece
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
