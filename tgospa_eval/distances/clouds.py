@@ -169,7 +169,6 @@ class CloudPairs(Distance):
         return means, spreads
 
 
-@dataclass(frozen=True, kw_only=True)
 class OwnCovariance(CloudPairs):
     """With the mean covariance of the pair."""
 

@@ -755,73 +755,47 @@ def slide(
     problem = states.problem
     first, last = spans
     prices = fair_prices(prices)
-    stretches = _WindowStretches.of(states, first, last)
-    found = np.zeros((6, len(stretches.block)))  # four kinds of costs, a lower bound, an error
-    complete = stretches.complete(states)
-    block = stretches.block[complete]
-    found[:, complete] = np.vstack(_of_blocks(states, weights, prices, reduced, block))
-    rest = np.setdiff1d(np.arange(len(stretches.block)), complete)
+    stretches, of_windows = _of_windows(states, first, last)
+    block, begin, end = stretches
+    found = np.zeros((6, len(block)))  # four kinds of costs, a lower bound, an error
+    whole = (begin == states.block_begin[block]) & (end == states.block_end[block])
+    found[:, whole] = np.vstack(_of_blocks(states, weights, prices, reduced, block[whole]))
+    rest = np.flatnonzero(~whole)
     if len(rest):
         endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         limit = Limit.of(solver.time_limit, progress or Progress())
         done = 0
-        for group in endings.groups(*stretches.some(rest)):
+        for group in endings.groups(*stretches[:, rest]):
             limit.progress.again("the windows", done / len(rest))
             own = rest[group]
-            alone = SeparateStretches(endings, saved, *stretches.some(own))
+            alone = SeparateStretches(endings, saved, *stretches[:, own])
             found[:, own] = np.vstack(_solved(alone, solver, limit))
             done += len(own)
-    return _added(problem, unpaired_by_step(states), found, stretches, spans)
+    return _added(problem, unpaired_by_step(states), found, of_windows, spans)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _WindowStretches:
+def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
     """What the windows have of the blocks, each once.
 
-    Parameters
-    ----------
-    block, begin, end : (N,) int arrays
+    Returns
+    -------
+    stretches : (3, N) int array
         Block, and first and last step of each.
-    of_window, stretch : (M,) int arrays
+    parts : pair of (M,) int arrays
         Windows, and a stretch that each consists of.
     """
-
-    block: Ints
-    begin: Ints
-    end: Ints
-    of_window: Ints
-    stretch: Ints
-
-    @classmethod
-    def of(cls, states: States, first: Ints, last: Ints) -> "_WindowStretches":
-        opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
-        low = np.searchsorted(last, opens)
-        count = np.maximum(np.searchsorted(first, closes, "right") - low, 0)
-        block = np.repeat(np.arange(len(opens)), count)
-        window = np.arange(len(block)) + np.repeat(low - np.cumsum(count) + count, count)
-        begin = np.maximum(first[window], opens[block])
-        end = np.minimum(last[window], closes[block])
-        steps = np.int64(states.problem.steps)
-        # Windows go on in time, so equal ones follow each other.
-        fresh = np.diff(block, prepend=-1) != 0
-        fresh[1:] |= np.diff(begin * steps + end) != 0
-        at = np.flatnonzero(fresh)
-        return cls(
-            block=block[at],
-            begin=begin[at],
-            end=end[at],
-            of_window=window,
-            stretch=np.cumsum(fresh) - 1,
-        )
-
-    def complete(self, states: States) -> Ints:
-        """Those that are all steps of their block."""
-        whole = self.begin == states.block_begin[self.block]
-        return np.flatnonzero(whole & (self.end == states.block_end[self.block]))
-
-    def some(self, chosen: Ints) -> tuple[Ints, Ints, Ints]:
-        """Block, and first and last step of some."""
-        return self.block[chosen], self.begin[chosen], self.end[chosen]
+    opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
+    low = np.searchsorted(last, opens)
+    count = np.maximum(np.searchsorted(first, closes, "right") - low, 0)
+    block = np.repeat(np.arange(len(opens)), count)
+    window = np.arange(len(block)) + np.repeat(low - np.cumsum(count) + count, count)
+    begin = np.maximum(first[window], opens[block])
+    end = np.minimum(last[window], closes[block])
+    steps = np.int64(states.problem.steps)
+    # Windows go on in time, so equal ones follow each other.
+    fresh = np.diff(block, prepend=-1) != 0
+    fresh[1:] |= np.diff(begin * steps + end) != 0
+    return np.stack((block, begin, end))[:, fresh], (window, np.cumsum(fresh) - 1)
 
 
 def _of_blocks(
@@ -858,14 +832,15 @@ def _added(
     problem: Problem,
     unpaired: Floats,
     found: Floats,
-    stretches: _WindowStretches,
+    of_windows: tuple[Ints, Ints],
     spans: tuple[Ints, Ints],
 ) -> Windows:
     """Sums of the stretches of each window, and of the objects in it that are near to none."""
     (first, last), parts, least, error = spans, found[:4], found[4], found[5]
+    window, stretch = of_windows
 
     def total(value: Floats) -> Floats:
-        return sum_by(stretches.of_window, value[stretches.stretch], len(first))
+        return sum_by(window, value[stretch], len(first))
 
     def between(value: Floats) -> Floats:
         """Sums of the values >= 0 of the steps of each window, nothing taken away again."""
@@ -884,7 +859,7 @@ def _added(
             for step in (problem.truth_step, problem.estimate_step)
         ]
     )
-    terms = 8 + np.bincount(stretches.of_window, minlength=len(first))
+    terms = 8 + np.bincount(window, minlength=len(first))
     if not (whole_prices(problem) and alone.max(initial=0.0) < 2.0**31):
         terms = terms + counts.sum(axis=0) + (last - first)
     few = terms * ROUNDOFF

@@ -195,10 +195,10 @@ def _plain(value: Any) -> float:
 def _gospa(prepared: PreparedPair) -> dict[str, float]:
     problem, parameters = prepared.states.problem, prepared.parameters
     scale = parameters.scale
-    step = per_step_gospa(problem)
-    parts = {"localisation": step.localisation, "missed": step.missed, "false": step.false}
+    _, localisation, missed, false = per_step_gospa(problem)
+    parts = {"localisation": localisation, "missed": missed, "false": false}
     return {
-        "total": scale * float(step.total.sum()),
+        "total": scale * float((localisation + missed + false).sum()),
         **{name: scale * float(part.sum()) for name, part in parts.items()},
     }
 

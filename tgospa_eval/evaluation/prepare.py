@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import (
     Parameters,
-    StepWeights,
+    check_weights,
     ignore_states,
     tgospa_problem,
     weight_existence,
@@ -90,7 +90,7 @@ class MeasuredSides(ComparedSides):
     recorded : callable
         Makes rows and digest of either side, and what a value is judged on; trials of repairs
         need neither.
-    step_weights : StepWeights, optional
+    step_weights : pair of float arrays, optional
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
@@ -99,7 +99,7 @@ class MeasuredSides(ComparedSides):
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
     recorded: Callable[[], tuple[Mapping[str, Json], Coverage]]
-    step_weights: StepWeights | None = None
+    step_weights: tuple[Floats, Floats] | None = None
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
@@ -108,7 +108,7 @@ class MeasuredSides(ComparedSides):
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
-            problem = weight_steps(problem, self.step_weights)
+            problem = weight_steps(problem, *self.step_weights)
         return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
@@ -357,8 +357,7 @@ def measure(
         truth, estimate = near.sides
     weights = None
     if request.step_weights is not None:
-        cost, switch = request.step_weights.on(truth)
-        weights = StepWeights(cost=cost, switch=switch)
+        weights = check_weights(*request.step_weights.on(truth))
     measured = MeasuredSides(
         sides=near.sides,
         distance=near.distance,

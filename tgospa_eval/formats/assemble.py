@@ -12,10 +12,9 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of
-from tgospa_eval.formats.headers import ask, parse_columns
+from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
-from tgospa_eval.formats.roles import GROUP
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread

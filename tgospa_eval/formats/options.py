@@ -42,61 +42,49 @@ COMPARED: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """A column beside a number or a text.
+Comparison = tuple[str, str, int | float | str]
+"""The header of a column or the name of its role, one of `COMPARED`, and what it is compared with:
+a text was in quotes, or is no number."""
 
-    Parameters
-    ----------
-    column : str
-        Its header, or the name of its role.
-    mark : str
-        One of `COMPARED`.
-    value : int, float or str
-        What it is compared with; a text was in quotes, or is no number.
+
+def _holds(comparison: Comparison, values: "Values", at: Callable[[int], str], asked: str) -> Mask:
+    """Which rows fulfil a comparison; a blank does so with a text alone.
+
+    `at` says where a row is, `asked` what asks for this, for messages.
+
+    Raises
+    ------
+    InputError
+        A value and what it is compared with are no numbers both, nor texts.
     """
-
-    column: str
-    mark: str
-    value: int | float | str
-
-    def holds(self, values: "Values", at: Callable[[int], str], asked: str) -> Mask:
-        """Which rows fulfil it; a blank does so with a text alone.
-
-        `at` says where a row is, `asked` what asks for this, for messages.
-
-        Raises
-        ------
-        InputError
-            A value and what it is compared with are no numbers both, nor texts.
-        """
-        compare, value = COMPARED[self.mark], self.value
-        if isinstance(value, str) and values.dtype != object:
-            filled = np.flatnonzero(~np.isnan(values))
-            number = parsed(value)
-            if len(filled) and value and number is None:
-                raise InputError(
-                    f"{at(int(filled[0]))}, column {quoted(self.column)}: "
-                    f"{values[filled[0]]:g} is a number, and {asked} compares with a text; "
-                    "compare with a number"
-                )
-            if number is None:  # which a blank may be
-                return np.asarray(np.isnan(values) == ((self.mark == "==") == (value == "")))
-            return np.asarray(compare(values, number))
-        if isinstance(value, str):
-            return np.asarray(compare(values, value), bool)
-        if values.dtype == object:
-            numbers = {text: parsed(str(text)) for text in dict.fromkeys(values.tolist())}
-            wrong = [text for text, number in numbers.items() if number is None and text]
-            if wrong:
-                rows = np.flatnonzero(np.isin(values, wrong))
-                raise InputError(
-                    f"{at(int(rows[0]))}, column {quoted(self.column)}: {quoted(wrong[0])} is no "
-                    f"number as for {asked}{more(len(rows))}; leave it blank, or compare texts, "
-                    f"{self.column} == '{value}'"
-                )
-            values = np.array([numbers[text] for text in values.tolist()], float)
-        return np.asarray(compare(values, value) & ~np.isnan(values))
+    column, mark, value = comparison
+    compare = COMPARED[mark]
+    if isinstance(value, str) and values.dtype != object:
+        filled = np.flatnonzero(~np.isnan(values))
+        number = parsed(value)
+        if len(filled) and value and number is None:
+            raise InputError(
+                f"{at(int(filled[0]))}, column {quoted(column)}: "
+                f"{values[filled[0]]:g} is a number, and {asked} compares with a text; "
+                "compare with a number"
+            )
+        if number is None:  # which a blank may be
+            return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
+        return np.asarray(compare(values, number))
+    if isinstance(value, str):
+        return np.asarray(compare(values, value), bool)
+    if values.dtype == object:
+        numbers = {text: parsed(str(text)) for text in dict.fromkeys(values.tolist())}
+        wrong = [text for text, number in numbers.items() if number is None and text]
+        if wrong:
+            rows = np.flatnonzero(np.isin(values, wrong))
+            raise InputError(
+                f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is no "
+                f"number as for {asked}{more(len(rows))}; leave it blank, or compare texts, "
+                f"{column} == '{value}'"
+            )
+        values = np.array([numbers[text] for text in values.tolist()], float)
+    return np.asarray(compare(values, value) & ~np.isnan(values))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,12 +108,12 @@ class Where:
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns that it looks at."""
-        return tuple(one.column for one in self.comparisons)
+        return tuple(column for column, _, _ in self.comparisons)
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
-        """Which rows fulfil it, from the values by column; parameters as of `Comparison.holds`."""
+        """Which rows fulfil it, from the values by column; parameters as of `_holds`."""
         asked = f"{self.option} {quoted(self.text)}"
-        masks = (one.holds(values[one.column], at, asked) for one in self.comparisons)
+        masks = (_holds(one, values[one[0]], at, asked) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
 
 
@@ -162,7 +150,7 @@ def _parsed(text: str, asked_by: str) -> tuple[Comparison, ...]:
                 f"{asked_by} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
                 f"by == and != alone; {option('time')} is for ranges of times"
             )
-        comparisons.append(Comparison(column=column, mark=mark, value=value))
+        comparisons.append((column, mark, value))
         end, is_joined = match.end(), bool(match[4])
     return tuple(comparisons)
 

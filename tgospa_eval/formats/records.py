@@ -213,9 +213,6 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
 JSON_BYTES = 6
 """Bytes that a byte of JSON takes as objects of Python: 5.2, measured."""
 
-Record = dict[str, Any]
-
-
 Samples = Mapping[str, tuple[int, str]]
 """When samples were, in microseconds since 1970, and the name of their scene, by token."""
 

@@ -355,9 +355,7 @@ def _result(
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
             "steps": len(cut.times),
-            "candidate_pairs": found.shards.pairs,
-            "pair_steps": int(found.shards.entries.sum()),
-            "components": found.shards.components,
+            **found.sizes,
         },
         objects=(int(found.objects[0].sum()), int(found.objects[1].sum())),
         tables=tables,
@@ -409,7 +407,7 @@ def look(cut: BlockPlan, grid: Alignment) -> list[Notice]:
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(cut.rows, LOOKED_AT)
     piece = cut.piece(first, last + 1)
-    truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
+    truth, estimate = (reading.trajectories for reading in piece.read())
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # of their own stamps what is wrong with clocks is seen

@@ -257,13 +257,12 @@ def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch
             yield file, begin, min(begin + TOGETHER, found.st_size)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Head:
-    """The begin of a CSV file.
+def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool]:
+    """Understand the begin of a CSV file.
 
-    Parameters
-    ----------
-    content : bytes
+    Returns
+    -------
+    head : bytes
         Up to the end of the header.
     roles : Roles
         Which column is what.
@@ -271,16 +270,6 @@ class Head:
         Decimal mark of its numbers.
     packed : bool
         Whether the file is compressed.
-    """
-
-    content: bytes
-    roles: Roles
-    decimal: str
-    packed: bool
-
-
-def read_head(file: File, options: ReadOptions) -> Head:
-    """Understand the begin of a CSV file.
 
     Raises
     ------
@@ -308,7 +297,7 @@ def read_head(file: File, options: ReadOptions) -> Head:
     content = data[:begin]
     if not content.endswith(b"\n"):
         content += b"\n"  # a header alone
-    return Head(content=content, roles=roles, decimal=decimal, packed=packed)
+    return content, roles, decimal, packed
 
 
 Moved = Callable[[str], str]
@@ -325,14 +314,14 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
     InputError
         A row is wrong; the message has its line in the file.
     """
-    head = read_head(file, options)
-    known = replace(options, decimal=head.decimal)
-    pieces = _unpacked(file, head, end) if head.packed else _cut(file, head, begin, end)
+    head, _, decimal, packed = read_head(file, options)
+    known = replace(options, decimal=decimal)
+    pieces = _unpacked(file, head, end) if packed else _cut(file, head, begin, end)
     first = 0
     for content, lines_before in pieces:
-        moved: Moved = partial(_moved, file.path, head.content.count(b"\n"), lines_before)
+        moved: Moved = partial(_moved, file.path, head.count(b"\n"), lines_before)
         try:
-            rows = read_table(file.path, head.content + content, known, "truth", given=True)
+            rows = read_table(file.path, head + content, known, "truth", given=True)
         except InputError as error:
             raise InputError(*(moved(line) for line in error.args)) from None
 
@@ -359,11 +348,11 @@ Cut = tuple[bytes, Callable[[], int]]
 """Lines, and how many are between the header and them."""
 
 
-def _cut(file: File, head: Head, begin: int, end: int) -> Iterator[Cut]:
+def _cut(file: File, head: bytes, begin: int, end: int) -> Iterator[Cut]:
     """The lines that begin between two bytes of a file."""
-    start = max(begin, len(head.content))
+    start = max(begin, len(head))
     with named(file.path, InputError), open(file.place, "rb") as source:
-        if start > len(head.content):
+        if start > len(head):
             source.seek(start - 1)
             start += len(source.readline()) - 1
         source.seek(start)
@@ -371,7 +360,7 @@ def _cut(file: File, head: Head, begin: int, end: int) -> Iterator[Cut]:
         if content and not content.endswith(b"\n"):
             content += source.readline()
     if content:
-        yield content, cache(partial(_lines, file, len(head.content), start))
+        yield content, cache(partial(_lines, file, len(head), start))
 
 
 def _lines(file: File, begin: int, end: int) -> int:
@@ -385,11 +374,11 @@ def _lines(file: File, begin: int, end: int) -> int:
     return count
 
 
-def _unpacked(file: File, head: Head, size: int) -> Iterator[Cut]:
+def _unpacked(file: File, head: bytes, size: int) -> Iterator[Cut]:
     """All lines of a compressed file, so many bytes at a time."""
     before = 0
     with unpacking(file.place, file.path) as stream:
-        stream.read(len(head.content))
+        stream.read(len(head))
         while content := stream.read(size):
             content += stream.readline()
             yield content, partial(int, before)

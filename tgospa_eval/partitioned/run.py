@@ -107,28 +107,20 @@ def _natural_order(ids: NDArray[np.str_]) -> Ints:
     return np.array(sorted(range(len(texts)), key=lambda k: natural(texts[k])), np.int64)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Shards:
-    """Which components are solved together.
+def make_shards(
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
+) -> tuple[Ints, Ints, dict[str, int]]:
+    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`.
 
-    Parameters
-    ----------
+    Returns
+    -------
     of_truth : (m,) int array
         Shard of each truth, -1 for those without a near pair.
     entries : (N,) int array
         Entries of each shard.
-    components, pairs : int
-        How many there are in all.
+    sizes : dict of str to int
+        How many pairs, their steps and components there are in all, as a result has them.
     """
-
-    of_truth: Ints
-    entries: Ints
-    components: int
-    pairs: int
-
-
-def make_shards(blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks) -> Shards:
-    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`."""
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
     root: Ints = np.arange(m + n, dtype=np.int32)
@@ -151,12 +143,13 @@ def make_shards(blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks) ->
     _, shard = np.unique(group, return_inverse=True)
     of_truth = np.full(m, -1, np.int32)
     of_truth[paired] = shard.astype(np.int32)[component]
-    return Shards(
-        of_truth=of_truth,
-        entries=np.bincount(shard, entries).astype(np.int64),
-        components=len(entries),
-        pairs=once + len(often),
-    )
+    per_shard = np.bincount(shard, entries).astype(np.int64)
+    sizes = {
+        "candidate_pairs": once + len(often),
+        "pair_steps": int(per_shard.sum()),
+        "components": len(entries),
+    }
+    return of_truth, per_shard, sizes
 
 
 def _in_several(side: Tracks) -> Mask:
@@ -432,8 +425,8 @@ class Evaluated:
         Those of truth and estimate.
     track_costs : pair of PerTrack
         What each of these contributes.
-    shards : Shards
-        How components were solved.
+    sizes : dict of str to int
+        How many near pairs, steps of these and components there are.
     folders : list of Path
         One for each shard, with the table of its switches.
     assigned : list of Path
@@ -453,7 +446,7 @@ class Evaluated:
     unjudged: Unjudged | None
     tracks: tuple[Tracks, Tracks]
     track_costs: tuple[PerTrack, ...]
-    shards: Shards
+    sizes: dict[str, int]
     folders: list[Path]
     assigned: list[Path]
     beside: dict[str, Arrays]
@@ -471,13 +464,13 @@ class MemoryTooSmallError(ConfigError):
     """The memory that is allowed is too small; work with another amount begins anew."""
 
 
-def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
+def check_memory(entries: int, memory: int, *, masked: bool) -> None:
     """Refuse components that a worker with so many bytes cannot hold.
 
     Parameters
     ----------
-    shards : Shards
-        What is to be solved.
+    entries : int
+        Of the largest shard.
     memory : int
         Bytes for each worker.
     masked : bool
@@ -488,7 +481,6 @@ def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
     MemoryTooSmallError
         One needs more; the message says how much.
     """
-    entries = int(shards.entries.max(initial=0))
     needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
     if entries > SHARD_ENTRIES and needed > memory:
         gigabytes = math.ceil(needed / 1e8) / 10
@@ -555,12 +547,13 @@ def evaluate_parts(
     parameters, span = cut.request.parameters, stages.stopwatch.span
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        shards = make_shards(blocks, truths, estimates)
-        check_memory(shards, memory, masked=cut.request.ignoring is not None)
-        folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
+        of_truth, entries, found = make_shards(blocks, truths, estimates)
+        largest = int(entries.max(initial=0))
+        check_memory(largest, memory, masked=cut.request.ignoring is not None)
+        folders = _shuffle(work, blocks, (truths, estimates), of_truth, len(entries), stages)
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
-        solved = _solve(cut.request, work, folders, shards, stages)
+        solved = _solve(cut.request, work, folders, entries, stages)
     stages.end()
     with span("certify"):
         sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
@@ -590,7 +583,7 @@ def evaluate_parts(
         unjudged=unjudged,
         tracks=(truths, estimates),
         track_costs=track_costs,
-        shards=shards,
+        sizes=found,
         folders=solved,
         assigned=assigned,
         beside=beside,
@@ -604,7 +597,8 @@ def _shuffle(
     work: Path,
     blocks: Sequence[Scanned],
     tracks: tuple[Tracks, Tracks],
-    shards: Shards,
+    of_truth: Ints,
+    shards: int,
     stages: Stages,
 ) -> tuple[str, ...]:
     tasks: dict[str, Task] = {
@@ -612,8 +606,8 @@ def _shuffle(
             sort_entries,
             scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
-            shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
-            shards=len(shards.entries),
+            shard_of_truth=of_truth[tracks[0].numbers[k]],
+            shards=shards,
         )
         for k, block in enumerate(blocks)
         if block.near
@@ -645,15 +639,15 @@ def _solve(
     request: EvaluationRequest,
     work: Path,
     folders: tuple[str, ...],
-    shards: Shards,
+    entries: Ints,
     stages: Stages,
 ) -> list[Path]:
     """Folders with what the shards contribute."""
     solver, parameters = request.solver, request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
-    solved = [work / "shards" / f"{number:06d}" for number in range(len(shards.entries))]
-    largest = np.argsort(-shards.entries, kind="stable").tolist()
+    solved = [work / "shards" / f"{number:06d}" for number in range(len(entries))]
+    largest = np.argsort(-entries, kind="stable").tolist()
     tasks: dict[str, Task] = {
         str(solved[k]): partial(
             solve_shard,
@@ -668,7 +662,7 @@ def _solve(
     stages.run(
         "solving",
         tasks,
-        shards.entries[largest].astype(float).tolist(),
+        entries[largest].astype(float).tolist(),
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     return solved

@@ -33,37 +33,6 @@ from tgospa_eval.tracks.interpolation import found_at
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stamped:
-    """Stamps of a side that are steps, or not.
-
-    Parameters
-    ----------
-    side : PartsSide
-        The side.
-    span : slice
-        Which of its times are read.
-    step : (k,) int array
-        Which step of the block each is, -1 for none.
-    """
-
-    side: PartsSide
-    span: slice
-    step: Ints
-
-    def read(self) -> Reading:
-        """Its rows."""
-        return read_times(self.side, self.span)
-
-    def at(self, found: Trajectories, times: Times) -> tuple[Trajectories, int]:
-        """Those at steps, and how many they are."""
-        on = self.step >= 0
-        place, there = found_at(found.times, self.side.times[self.span][on])
-        rows = np.flatnonzero(there[found.step])
-        step = self.step[on][place[found.step[rows]]]
-        return found.chosen(rows, step, times), len(rows)
-
-
 def read_times(side: PartsSide, span: slice) -> Reading:
     """The rows at some of the times of a side, which may be none."""
     times = side.times[span]
@@ -86,13 +55,33 @@ class BlockPiece:
         The number of the first step.
     times : (L,) array
         The steps; there may be none.
-    stretches : pair of Stamped
-        What is read of truth and estimate.
+    sides : pair of PartsSide
+        Truth and estimate.
+    spans : pair of slice
+        Which of their times are read.
+    step : pair of int arrays
+        Which step of the block each of these is, -1 for none.
     """
 
     low: int
     times: Times
-    stretches: tuple[Stamped, Stamped]
+    sides: tuple[PartsSide, PartsSide]
+    spans: tuple[slice, ...]
+    step: tuple[Ints, ...]
+
+    def read(self) -> tuple[Reading, Reading]:
+        """The rows of truth and estimate."""
+        first, second = map(read_times, self.sides, self.spans)
+        return first, second
+
+    def at(self, which: int, found: Trajectories) -> tuple[Trajectories, int]:
+        """The rows of a side that are at steps, and how many they are."""
+        step = self.step[which]
+        on = step >= 0
+        place, there = found_at(found.times, self.sides[which].times[self.spans[which]][on])
+        rows = np.flatnonzero(there[found.step])
+        step = step[on][place[found.step[rows]]]
+        return found.chosen(rows, step, self.times), len(rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,16 +144,17 @@ class BlockPlan:
 
     def _between(self, first: float, last: float) -> BlockPiece:
         steps = places(self.times, first, last)
-        truth, estimate = (
-            Stamped(
-                side=side,
-                span=(span := places(moments, first, last)),
-                step=np.where(step[span] >= 0, step[span] - steps.start, -1),
-            )
-            for side, moments, step in zip(self.sides, self.moments, self.step, strict=True)
+        spans = tuple(places(moments, first, last) for moments in self.moments)
+        return BlockPiece(
+            low=steps.start,
+            times=self.times[steps],
+            sides=self.sides,
+            spans=spans,
+            step=tuple(
+                np.where(step[span] >= 0, step[span] - steps.start, -1)
+                for step, span in zip(self.step, spans, strict=True)
+            ),
         )
-        times = self.times[steps]
-        return BlockPiece(low=steps.start, times=times, stretches=(truth, estimate))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -251,9 +241,7 @@ def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
     """Both sides of a block on its steps, and how many of their rows are there."""
-    truth, estimate = (
-        stretch.at(side, piece.times) for stretch, side in zip(piece.stretches, sides, strict=True)
-    )
+    truth, estimate = (piece.at(which, side) for which, side in enumerate(sides))
     axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
     return fit(*sides, request, names, lambda _: axis), (truth[1], estimate[1])
 
@@ -356,7 +344,7 @@ def scan(
     TgospaError
         Something is wrong with the data.
     """
-    readings = [stretch.read() for stretch in piece.stretches]
+    readings = piece.read()
     sides = readings[0].trajectories, readings[1].trajectories
     on_steps, own = fitted(piece, sides, request, names)
     with writing_folder(output) as folder:

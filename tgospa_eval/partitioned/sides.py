@@ -76,7 +76,7 @@ def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
     InputError
         It is damaged, or lacks columns.
     """
-    return read_head(file, options).roles if format == "csv" else open_table(file, options)[2]
+    return read_head(file, options)[1] if format == "csv" else open_table(file, options)[2]
 
 
 def index_side(
@@ -179,10 +179,10 @@ def text_pieces(
     pieces = []
     first = side_roles("csv", files[0], options)
     for file in files:
-        head = read_head(file, options)
-        check_alike(head.roles, first, file, files[0])
+        _, roles, _, packed = read_head(file, options)
+        check_alike(roles, first, file, files[0])
         whole = size_of(file)
-        if head.packed:
+        if packed:
             piece = FilePiece(file=file, begin=0, end=size, text=True)
             pieces.append((piece, PACKED_TO * whole // BYTES_OF_LINE))
             continue

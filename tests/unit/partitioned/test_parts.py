@@ -100,9 +100,7 @@ def test_parts_add_up_to_the_whole(
             assert math.isclose(
                 table.localisation.sum(), breakdown.localisation.sum(), rel_tol=1e-12
             )
-        assert int(parts.shards.entries.sum()) == whole.sizes["pair_steps"]
-        assert parts.shards.components == whole.sizes["components"]
-        assert parts.shards.pairs == whole.sizes["candidate_pairs"]
+        assert parts.sizes.items() <= whole.sizes.items()
         assert parts.tracks[0].ids.tolist() == truth.ids.tolist()
         assert parts.tracks[1].ids.tolist() == estimate.ids.tolist()
 

@@ -78,17 +78,18 @@ def in_other_axes(notice: Notice, crs: str) -> Notice:
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """What bringing sides to their steps took: interpolated states, and what was not used."""
-    for side, made in axis.made:
+    if axis.made is not None:
+        side, (between, own, unused) = axis.made
         gap = matching.gaps[0]
         other = "truth" if side == "estimate" else "estimate"
         where = f"the stamps of the {other}"
         if matching.resample is not None:
             where = f"{counted(len(axis.horizon.times), 'step')} of the common clock"
-        unused = f", {made.unused:,} at other stamps are not compared"
+        rest = f", {unused:,} at other stamps are not compared"
         yield Notice(
-            text=f"{side} interpolated at {where}: {counted(made.between, 'state')} between two "
-            f"that are at most {gap.text} apart, {made.own:,} as they were"
-            f"{unused if made.unused else ''}"
+            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two "
+            f"that are at most {gap.text} apart, {own:,} as they were"
+            f"{rest if unused else ''}"
         )
     if axis.held is not None:
         held, steps = axis.held, counted(len(axis.horizon.times), "step")
@@ -172,7 +173,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
     """Gaps of the truth, and what the estimate reports in them."""
-    if not sides.axis.made:
+    if sides.axis.made is None:
         return []
     parameters, matching = request.parameters, request.time_matching
     found = truth_gaps(sides.given[0], sides.axis, matching, sides.distance, parameters.cutoff)

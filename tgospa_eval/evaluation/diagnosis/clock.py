@@ -121,14 +121,14 @@ class Timeline:
         moments = own[0] + apart * np.arange(int(long / apart * (1 + 1e-9)) + 1)
         periods = periods_of(distance, truth.columns)
         truth = replace(truth, times=own, clock="number", labels=None)
-        made = interpolated(
+        at_moments, _ = interpolated(
             truth,
             truth.chosen(none, none, moments),
             max_gap=ACROSS * time,
             tolerance=SAME * apart,
             periods=periods,
         )
-        return cls(made.side, moments, ACROSS * time, periods)
+        return cls(at_moments, moments, ACROSS * time, periods)
 
     def at(self, wanted: Floats) -> StepRows:
         """Those at some moments, of which there are two at least."""
@@ -274,25 +274,6 @@ class Fit:
         ):
             return True
         return significance((self.gain - other.gain)[both]) >= SIGNIFICANT
-
-
-@dataclass(frozen=True, eq=False)
-class Displaced:
-    """A shift that fits beside a displacement of the estimate.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of the shift, with the estimate moved back.
-    uncertainty : float
-        Two standard errors of the shift.
-    is_sure : bool
-        Whether the displacement is more than noise.
-    """
-
-    fit: Fit
-    uncertainty: float
-    is_sure: bool
 
 
 STARTS, ROUNDS = 6, 6
@@ -460,20 +441,23 @@ class Search:
         found = [one for one in (self._displaced(start.shift) for start in starts) if one]
         if not found:
             return None
-        best = max(found, key=lambda one: one.fit.total)
-        if not best.is_sure or not best.fit.is_close:
+        best, uncertainty, is_sure = max(found, key=lambda one: one[0].total)
+        if not is_sure or not best.is_close:
             return None
-        sharp, before = best.fit.sharpest, self.fit(0.0) if now is None else now.fit
-        last, first = replace(best.fit, sharp=sharp), replace(before, sharp=sharp)
-        pairs = float(np.maximum(before.pairs, best.fit.pairs).sum())
+        sharp, before = best.sharpest, self.fit(0.0) if now is None else now[0]
+        last, first = replace(best, sharp=sharp), replace(before, sharp=sharp)
+        pairs = float(np.maximum(before.pairs, best.pairs).sum())
         cost = pairs - before.total
-        is_none = abs(best.fit.shift) <= best.uncertainty
+        is_none = abs(best.shift) <= uncertainty
         if is_none or last.better(first) < SIGNIFICANT or cost < NOTABLE_COST * pairs:
             return ()
-        return best.fit.shift, best.uncertainty, 1 - max(pairs - best.fit.total, 0.0) / cost
+        return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
-    def _displaced(self, shift: float, *, moves: bool = True) -> "Displaced | None":
-        """The shift near this one and the displacement that fit best; None if unclear."""
+    def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
+        """The shift near this one and the displacement that fit best; None if unclear.
+
+        With two standard errors of the shift, and whether the displacement is more than noise.
+        """
         offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
         for _ in range(ROUNDS):
             fit = self._fit_displaced(shift, offset)
@@ -502,7 +486,7 @@ class Search:
             offset, shift = mean - change * speed, shift + change
         least = self.timeline.apart / 2**HALVINGS
         fit = self._fit_displaced(shift, offset)
-        return Displaced(fit=fit, uncertainty=max(uncertainty, least), is_sure=sure)
+        return fit, max(uncertainty, least), sure
 
     def _fit_displaced(self, shift: float, offset: Floats) -> Fit:
         """Of a shift, with the estimate moved back by an offset."""
