@@ -173,7 +173,7 @@ def _without_kernels(batch: BlockBatch) -> Answer:
     return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")
 
 
-MOST_SWEEPS, MOST_LINKS = 1000, 5_000_000
+MOST_TRACED, MOST_LINKS = 1000, 5_000_000
 """Of a larger problem nothing is found: all states make more links than those that compete."""
 
 MET, STILL = 1e-7, 1e-9
@@ -229,7 +229,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
             change = abs(dual - trace[-2]["dual"]) if len(trace) > 1 else np.inf
             if abs(primal - dual) <= MET * abs(dual) or change <= STILL * abs(dual):
                 break
-        if sweeps >= MOST_SWEEPS or late():
+        if sweeps >= MOST_TRACED or late():
             break
     return trace
 
