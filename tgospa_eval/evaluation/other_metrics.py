@@ -25,7 +25,7 @@ from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.readout import judged_rows
+from tgospa_eval.problem.solution import judged_rows
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import OtherMetrics
 from tgospa_eval.text import option
@@ -123,7 +123,7 @@ def other_metrics(
 ) -> ComputedMetrics:
     """Metrics by name, of two sides as they are compared.
 
-    Where states are not judged, those of TrackEval are without them: see `problem.readout`.
+    Where states are not judged, those of TrackEval are without them: see `problem.solution`.
 
     Parameters
     ----------

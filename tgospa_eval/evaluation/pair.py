@@ -15,8 +15,15 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.readout import Unjudged, read_assigned, read_switches, read_tracks
-from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
+from tgospa_eval.problem.solution import (
+    Bounds,
+    Brackets,
+    Breakdown,
+    Unjudged,
+    read_assigned,
+    read_switches,
+    read_tracks,
+)
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_nees, or_none
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation

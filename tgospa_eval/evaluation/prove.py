@@ -24,8 +24,7 @@ from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.readout import read_assigned, read_unjudged
-from tgospa_eval.problem.solution import Bounds, Solution
+from tgospa_eval.problem.solution import Bounds, Solution, read_assigned, read_unjudged
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import MEAN, SPREAD

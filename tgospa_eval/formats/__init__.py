@@ -12,9 +12,9 @@ from tgospa_eval.common.registry import Registry, lazy
 if TYPE_CHECKING:  # with `as`, which makes a name public
     import pandas as pd
 
-    from tgospa_eval.formats.files import read as read
-    from tgospa_eval.formats.files import read_trajectories as read_trajectories
-    from tgospa_eval.formats.files import runs_inside as runs_inside
+    from tgospa_eval.formats.objects import read as read
+    from tgospa_eval.formats.objects import read_trajectories as read_trajectories
+    from tgospa_eval.formats.objects import runs_inside as runs_inside
     from tgospa_eval.formats.options import ROLES as ROLES
     from tgospa_eval.formats.options import ReadOptions as ReadOptions
     from tgospa_eval.formats.reading import Reading as Reading
@@ -26,9 +26,9 @@ _HOME = {
     "ROLES": "options",
     "ReadOptions": "options",
     "Reading": "reading",
-    "read": "files",
-    "read_trajectories": "files",
-    "runs_inside": "files",
+    "read": "objects",
+    "read_trajectories": "objects",
+    "runs_inside": "objects",
 }
 
 __getattr__ = lazy(__name__, _HOME)

@@ -36,8 +36,7 @@ from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.readout import PerTrack, Unjudged
-from tgospa_eval.problem.solution import Bounds, Breakdown
+from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack, Unjudged
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Arrays, Costs, Json

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.readout import PerTrack
-from tgospa_eval.problem.solution import Bounds, Breakdown
+from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation
-from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
+from tgospa_eval.problem.solution import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.states import ONE, assigned, spare
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json
