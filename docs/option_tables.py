@@ -10,7 +10,7 @@ import click
 
 from tgospa_eval.cli.shared.command import SECTIONS
 from tgospa_eval.cli.verbs import load
-from tgospa_eval.formats.columns.headers import HEADER_ALIASES
+from tgospa_eval.formats.headers import HEADER_ALIASES
 
 BLOCK = re.compile(r"^```\{options\} (\w+)(?: (.+))?\n```$", re.M)
 HEADERS = "```{headers}\n```"

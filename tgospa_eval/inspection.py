@@ -10,12 +10,10 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
-from tgospa_eval.distances import Distance
-from tgospa_eval.distances.registry import DISTANCES
-from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.distances import DISTANCES, Distance
+from tgospa_eval.evaluation.diagnosis import diagnose, explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
-from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
@@ -23,7 +21,7 @@ from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.rendering import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.text import ending, option
 from tgospa_eval.tracks.alignment import Alignment
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"

@@ -24,16 +24,16 @@ from tgospa_eval.distances import (
     cloud_wasserstein,
     near_pairs,
 )
-from tgospa_eval.distances.checks import check_columns, check_states
-from tgospa_eval.distances.clouds.distance import reduced
-from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
-from tgospa_eval.distances.clouds.transport import (
+from tgospa_eval.distances.base import check_columns, check_states
+from tgospa_eval.distances.clouds import reduced
+from tgospa_eval.distances.reduction import sliced_wasserstein, spread_directions
+from tgospa_eval.distances.sphere import RADIUS
+from tgospa_eval.distances.transport import (
     MOST_PARTICLES,
     POT_NEEDED,
     can_transport,
     cross_covariance,
 )
-from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns

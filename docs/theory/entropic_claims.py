@@ -17,8 +17,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.entropic import entropic_trace
-from tgospa_eval.solvers.sinkhorn import Sinkhorn
+from tgospa_eval.solvers.sinkhorn import Sinkhorn, entropic_trace
 
 TEMPERATURES = (0.1, 0.03, 0.01)
 CUTOFF, ORDER, SWITCH = 8.0, 2.0, 3.0

@@ -16,9 +16,9 @@ from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY, distance_table, gain_progr
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Bounds
+from tgospa_eval.problem.states import merge_runs
 from tgospa_eval.solvers import Solver
 
 EXACT = 1e-9

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tgospa_eval.partitioned import components, run
+from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -95,7 +95,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
         whole = invoke(*single, *asked)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(run, "MOST_ROWS", case["rows of a block"])
-            patch.setattr(components, "SHARD_ENTRIES", case["entries of a shard"])
+            patch.setattr(run, "SHARD_ENTRIES", case["entries of a shard"])
             parts = invoke(*paths, *asked)
     finally:
         shutil.rmtree(work)

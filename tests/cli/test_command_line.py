@@ -355,7 +355,7 @@ RARE = (
     *("distances.boxes", "distances.clouds", "distances.gaussian", "distances.mahalanobis"),
     *("distances.sphere", "tracks.clouds", "tracks.covariances"),
     *("inspection", "sensors", "campaign", "partitioned"),
-    *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
+    *("formats.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
     *("show.files", "show.html", "cli.shared.writing", "show.drawing"),

@@ -13,7 +13,7 @@ import pytest
 
 from tgospa_eval import TgospaWarning, Trajectories, compare, evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned import components, run
+from tgospa_eval.partitioned import run
 from tgospa_eval.results.consistency import NeesSums, band
 
 Invoke = Callable[..., Any]
@@ -57,7 +57,7 @@ def test_data_in_parts_have_the_numbers_of_files_in_memory(
         for k, part in pd.read_csv(f"{side}.csv").groupby(lambda row: row % 3):
             part.to_parquet(f"{side}/{k}.parquet")
     monkeypatch.setattr(run, "MOST_ROWS", rows)
-    monkeypatch.setattr(components, "SHARD_ENTRIES", entries)
+    monkeypatch.setattr(run, "SHARD_ENTRIES", entries)
     assert invoke("truth.csv", "kf.csv", *METRIC, *asked, "-o", "one").status == 0
     answer = invoke("truth", "kf", *METRIC, *asked, "--memory", "200MB", "-o", "many")
     assert answer.status == 0, answer.err

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned import components, run
+from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -61,7 +61,7 @@ def write(sides: tuple[pd.DataFrame, pd.DataFrame], folder: Path, parts: int = 3
 def small(rows: int, shard: int) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "MOST_ROWS", rows)
-        patch.setattr(components, "SHARD_ENTRIES", shard)
+        patch.setattr(run, "SHARD_ENTRIES", shard)
         yield
 
 

@@ -20,7 +20,7 @@ import pytest
 from tgospa_eval.cli.shared import progress as shown
 from tgospa_eval.cli.shared.progress import Display, bracket, line
 from tgospa_eval.common.progress import Progress, StoppedError, Stopwatch
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.request import EvaluationRequest

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import ConfigError, InputError, associate, evaluate
-from tgospa_eval.formats.where import parse_where
+from tgospa_eval.formats.options import parse_where
 
 Invoke = Callable[..., Any]
 

@@ -12,12 +12,10 @@ from tgospa_eval.api.result import Result
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, tgospa_problem
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States, merge_runs
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 
 # relative error of the total that each solver promises, None for a bracket only

@@ -2,10 +2,10 @@
 
 import pytest
 
-from tgospa_eval.problem import certificate, merging, paths, slots, states
+from tgospa_eval.problem import certificate, paths, states
 
 
 def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make merging and the certificate use their NumPy twins."""
-    for module in (slots, states, merging, paths, certificate):
+    for module in (states, paths, certificate):
         monkeypatch.setattr(module, "kernels", None)

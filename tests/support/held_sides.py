@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.steps import BlockPlan
+from tgospa_eval.partitioned.scan import BlockPlan
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories

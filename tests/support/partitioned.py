@@ -8,7 +8,7 @@ from tgospa_eval import Result
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.readout import PerTrack
+from tgospa_eval.problem.solution import PerTrack
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
 

@@ -59,7 +59,7 @@ from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.solvers import SOLVERS, Solver, as_solver
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.ignored import refuse_own_marks
+from tgospa_eval.tracks.coverage import refuse_own_marks
 
 if TYPE_CHECKING:
     import pandas as pd

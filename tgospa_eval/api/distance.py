@@ -9,12 +9,11 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
-from tgospa_eval.distances import Distance
+from tgospa_eval.distances import Distance, as_distance
 from tgospa_eval.distances.base import Fault
-from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.headers import BOX, parse_columns
+from tgospa_eval.formats.headers import BOX, parse_columns
 from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.trajectories import PLACES
 

@@ -14,7 +14,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural, parsed_size
 from tgospa_eval.distances import Resources
-from tgospa_eval.evaluation.by_class import add_up
+from tgospa_eval.evaluation.pair import add_up
 from tgospa_eval.evaluation.prepare import AlignedPair, fit, prepare
 from tgospa_eval.evaluation.prove import nested_timings, prove
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -234,10 +234,10 @@ def evaluate_pair(
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None
     if request.slices:
-        from tgospa_eval.evaluation.slices import split  # lazy: few ask for them
+        from tgospa_eval.evaluation.slices import cut, slicings  # lazy: few ask for them
 
         with stopwatch.span("slices"):
-            slices = split.cut(aligned, request.slices, request.parameters.cutoff)
+            slices = cut(aligned, request.slices, request.parameters.cutoff)
     stopwatch.progress.begin(request.parameters.root)
     solution = request.solver(prepared.states, stopwatch)
     result = prove(prepared, request.solver, solution, stopwatch, request)
@@ -250,7 +250,7 @@ def evaluate_pair(
         result = replace(result, with_=joined([others]), sums=others.sums())
     if slices is not None:
         with stopwatch.span("slices"):
-            sliced = split.slicings(slices, result)
+            sliced = slicings(slices, result)
         result = replace(result, sliced=sliced, timings=nested_timings(stopwatch))
     return result_of(result)
 

@@ -24,14 +24,13 @@ from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.headers import Headers
-from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.fields import floats, parse_times
 from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
+from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.objects import is_path
-from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.text import option
 
@@ -218,7 +217,7 @@ def is_recording(folder: str, columns: str) -> bool:
     """
     if is_table_folder(folder):
         return False
-    from tgospa_eval.partitioned.input.listing import stored  # lazy: most evaluations are of files
+    from tgospa_eval.partitioned.files import stored  # lazy: most evaluations are of files
 
     files = [file.path for file, _ in stored(folder)]
     formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}

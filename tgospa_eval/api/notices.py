@@ -10,13 +10,15 @@ from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
+    default_notice,
     diagnose,
+    explained,
+    unit_notices,
 )
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
@@ -24,7 +26,7 @@ from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.text import option
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12

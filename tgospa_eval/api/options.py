@@ -12,9 +12,9 @@ from tgospa_eval.common import config
 from tgospa_eval.common.config import SettingsFile, Values, setting
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed, parsed_whole
-from tgospa_eval.distances.registry import DISTANCES
+from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.registry import FORMATS
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:

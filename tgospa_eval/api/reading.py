@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.files import STDIN, is_regular
 from tgospa_eval.common.frozen import replace
-from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import AlignedPair, fit

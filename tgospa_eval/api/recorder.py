@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.common.arrays import Floats
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.objects import array_of, from_rows, numbers_of, times_of

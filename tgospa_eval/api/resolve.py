@@ -16,19 +16,17 @@ from tgospa_eval.evaluation.request import (
     chosen_parameters,
 )
 from tgospa_eval.formats import ROLES, ReadOptions
-from tgospa_eval.formats.columns.headers import columns_of_each, parse_columns
+from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
-from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.where import parse_where
+from tgospa_eval.formats.options import parse_moments, parse_steps, parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.durations import signed_seconds
-from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.conversion import Conversion, signed_seconds
+from tgospa_eval.tracks.weights import EXISTENCE
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.ignoring import Ignoring

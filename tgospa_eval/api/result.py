@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.by_class import EvaluationByClass
-from tgospa_eval.evaluation.pair import PairEvaluation
+from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation
 from tgospa_eval.results.evaluation import DOCUMENTED, Evaluation
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
@@ -66,7 +65,7 @@ class Showable(Evaluation):
         """
         if not by:
             return self.sliced
-        from tgospa_eval.evaluation.slices.split import slices_of  # lazy: slow to import
+        from tgospa_eval.evaluation.slices import slices_of  # lazy: slow to import
 
         assert isinstance(self, (PairEvaluation, EvaluationByClass))
         return slices_of(self, by)

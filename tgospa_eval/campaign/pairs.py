@@ -22,7 +22,7 @@ from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.text import listed, option, quoted
-from tgospa_eval.tracks.durations import MAX_STEPS
+from tgospa_eval.tracks.conversion import MAX_STEPS
 
 LAYOUTS = {
     "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),

@@ -43,8 +43,8 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural, number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.formats.times import TimeError
-from tgospa_eval.formats.times import places as places_of_times
+from tgospa_eval.formats.fields import TimeError
+from tgospa_eval.formats.fields import places as places_of_times
 from tgospa_eval.problem.gospa import (
     Switched,
     changes_since_last_step,
@@ -70,8 +70,7 @@ from tgospa_eval.show.rendering import RULES, Rule
 from tgospa_eval.show.result_text import COMPARED
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.coverage import DIGESTS, incomparable, judge_alike, judged_of
-from tgospa_eval.tracks.ignored import OWN_MARKS
+from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, incomparable, judge_alike, judged_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,9 +89,9 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
     switch = 2 * scale * parameters.switch_price  # gamma^p, where that is a double
-    found = per_step_gospa(problem)
-    gospa = scale * found.total
-    track = partners(problem, found.entries)
+    entries, localisation, missed, false = per_step_gospa(problem)
+    gospa = scale * (localisation + missed + false)
+    track = partners(problem, entries)
     changes: dict[Rule, Switched] = {
         "stone_soup": changes_since_last_stored(problem, track),
         "mathworks": changes_since_last_step(problem, track),
@@ -105,7 +104,7 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
         "mathworks": (gospa + paid["mathworks"]) ** (1 / p),
     }
     used = states.entry[(states.entry >= 0) & (result.proof.weights > 0)]
-    changed = np.setxor1d(used, found.entries)
+    changed = np.setxor1d(used, entries)
 
     def of_rule(rule: Rule) -> Json:
         return {
@@ -117,9 +116,9 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
 
     record: Json = {
         "total": float(gospa.sum()),
-        "localisation": scale * float(found.localisation.sum()),
-        "missed": scale * float(found.missed.sum()),
-        "false": scale * float(found.false.sum()),
+        "localisation": scale * float(localisation.sum()),
+        "missed": scale * float(missed.sum()),
+        "false": scale * float(false.sum()),
         "steps_differing": len(np.unique(problem.entry_step[changed])),
         "stone_soup": of_rule("stone_soup"),
         "mathworks": of_rule("mathworks"),

@@ -39,8 +39,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.times import TimeError, parse_times, places
+from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import STORED_NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
@@ -56,7 +55,7 @@ from tgospa_eval.show.batch import (
     RmsCurve,
 )
 from tgospa_eval.text import listed, option
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from tgospa_eval.cli.shared.click_builder import (
     one_of,
 )
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
-from tgospa_eval.formats.registry import FORMATS
+from tgospa_eval.formats import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Resources

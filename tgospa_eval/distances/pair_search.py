@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, concatenated, index_type
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
+from tgospa_eval.distances import DISTANCES
 from tgospa_eval.distances.base import Distance, Pairs, Resources, Sides
-from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.kernels import kernels
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -16,13 +16,12 @@ from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
-from tgospa_eval.tracks.durations import SECOND, Duration, multiples
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.held import Held
-    from tgospa_eval.tracks.interpolation import Interpolated
+    from tgospa_eval.tracks.alignment import Held
 
 Sides = tuple[Trajectories, Trajectories]
 
@@ -65,8 +64,9 @@ class Axis:
         Truth and estimate.
     horizon : Trajectories
         What has the stamps of the horizon: the truth as it was read, or declared steps.
-    made : tuple of (str, Interpolated)
-        Which side was interpolated, and what that took.
+    made : pair of str and tuple of int, optional
+        Which side was interpolated, and how many states are between two others, were there, and
+        are not used.
     left_out : pair of int
         Rows at stamps that are no declared steps.
     outages : Outages, optional
@@ -77,7 +77,7 @@ class Axis:
 
     sides: Sides
     horizon: Trajectories
-    made: "tuple[tuple[str, Interpolated], ...]" = ()
+    made: tuple[str, tuple[int, int, int]] | None = None
     left_out: tuple[int, int] = (0, 0)
     outages: Outages | None = None
     held: "Held | None" = None
@@ -182,19 +182,19 @@ def _resampled(
         names=(names[0], option("resample")),
         across=across,
     )
-    made, estimate, held = make(ticks), axis.sides[1], None
+    (moved, made), estimate, held = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
         from tgospa_eval.tracks.interpolation import hold  # lazy: few want it
 
         def truth_at(side: Trajectories) -> Trajectories:
-            return replace_times(make(side).side, side)
+            return replace_times(make(side)[0], side)
 
         named = names[1], option("resample")
         estimate, held = hold(truth, estimate, ticks, matching, truth_at, named)
     return Axis(
-        sides=(replace_times(made.side, ticks), replace_times(estimate, ticks)),
+        sides=(replace_times(moved, ticks), replace_times(estimate, ticks)),
         horizon=ticks,
-        made=(("truth", made),),
+        made=("truth", made),
         held=held,
     )
 
@@ -225,18 +225,18 @@ def _interpolated(
         distance=distance,
         names=(names[which], names[1 - which]),
     )
-    made, outages = make(other), None
+    (moved, made), outages = make(other), None
     if which == 0:
-        pair, near = _near(made.side, other, matching, distance, cutoff)
+        pair, near = _near(moved, other, matching, distance, cutoff)
         found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
         outages = _silences(side, other, found, matching, names)
         charged = outages.ticks if outages is not None and outages.charged else other.times[:0]
         if len(charged):
             other = _stamped(np.union1d(other.times, charged), other, other.clock, side)
         if len(charged) or across:
-            made = make(other, across=across)
-    sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
-    return replace(axis, sides=sides, made=((str(matching.interpolate), made),), outages=outages)
+            moved, made = make(other, across=across)
+    sides = (moved, axis.sides[1]) if which == 0 else (axis.sides[0], moved)
+    return replace(axis, sides=sides, made=(str(matching.interpolate), made), outages=outages)
 
 
 def _made(
@@ -247,7 +247,7 @@ def _made(
     distance: Distance,
     names: tuple[str, str],
     across: str = "",
-) -> "Interpolated":
+) -> tuple[Trajectories, tuple[int, int, int]]:
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
@@ -387,9 +387,9 @@ def truth_gaps(
     narrow, estimate = axis.sides
     if axis.held is not None:  # judged at their own stamps
         narrow = estimate = axis.held.reports
-    line = _made(
+    line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
-    ).side
+    )
     rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
     states = 0
     if len(rows) and len(estimate.step):

@@ -15,7 +15,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import apart, periods_of
-from tgospa_eval.problem.readout import read_assigned
+from tgospa_eval.problem.solution import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
 from tgospa_eval.results.records import PairProof
 from tgospa_eval.tracks import covariances

@@ -3,34 +3,560 @@
 A solution of the whole brackets every beginning. The beginnings of components whose bracket stays
 open are solved again, from as few steps before their end as will do, many side by side in one
 problem that starts from the solution of the whole.
+A *beginning* is a component up to a step; an *ending* are its steps from some step on, before which
+all stays as the whole has it: paths go on from the best values that they have by then.
 """
 
+import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Limit, Progress, Stopwatch
-from tgospa_eval.evaluation.endings import (
-    ContinuedPrefixes,
-    SeparateStretches,
-    Suffixes,
-    unpaired_by_step,
-    whole_blocks,
+from tgospa_eval.common.progress import Limit, Progress, Status, Stopwatch
+from tgospa_eval.problem.certificate import (
+    ROUNDOFF,
+    break_down,
+    fair_prices,
+    lower_bounds,
+    prove,
 )
-from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices
+from tgospa_eval.problem.paths import up
 from tgospa_eval.problem.prefixes import (
     Cells,
     PrefixBounds,
+    RowMoves,
     costs_so_far,
+    forward,
+    offsets,
     whole_prices,
 )
 from tgospa_eval.problem.problem import Problem, sum_by
-from tgospa_eval.problem.solution import Brackets, Reduced, Windows
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.solution import Brackets, Reduced, Solution, Windows
+from tgospa_eval.problem.states import ONE, States, merge_runs, repair
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
+from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
+
+SIZE = 1 << 18
+"""Near pairs of the endings that are solved together."""
+
+ENTERED = 1 - 1e-9
+"""A pair that is worth less than "none" by so much of the switch price was entered from there."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Listed:
+    """Entries or objects of the problem, those of a block together and in order of time.
+
+    Parameters
+    ----------
+    which : (L,) int array
+        The entries or rows.
+    key : (L,) int array
+        ``block * steps + step`` of each.
+    steps : int
+        T.
+    """
+
+    which: Ints
+    key: Ints
+    steps: int
+
+    @classmethod
+    def of(cls, which: Ints, block: Ints, step: Ints, steps: int) -> "_Listed":
+        key = block.astype(np.int64) * steps + step
+        order = np.argsort(key, kind="stable")
+        return cls(which=which[order], key=key[order], steps=steps)
+
+    def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
+        """First from a step of each block on, and how many there are up to another."""
+        block = block * np.int64(self.steps)
+        low = np.searchsorted(self.key, block + begin)
+        return low, np.searchsorted(self.key, block + end, "right") - low
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Before:
+    """What there is at the step before each ending; arrays are (H,), sorted by ending and pair.
+
+    Parameters
+    ----------
+    ending, pair : int arrays
+        The pairs that come near in each ending, or are assigned before it.
+    weight : int array
+        What the whole assigns, in units of 1/ONE.
+    value, none, other : float arrays
+        Best values, from above, of what the row of a pair has done until then, if it is in the
+        pair, in "none", or in any pair that is not listed.
+    """
+
+    ending: Ints
+    pair: Ints
+    weight: Ints
+    value: Floats
+    none: Floats
+    other: Floats
+
+    @classmethod
+    def nothing(cls) -> "Before":
+        """Of endings that are whole beginnings."""
+        ints, floats = np.zeros(0, np.int64), np.zeros(0)
+        return cls(ending=ints, pair=ints, weight=ints, value=floats, none=floats, other=floats)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SuffixProblem:
+    """Endings as one problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        The steps of one after those of the other. Where something is known of the step before an
+        ending, that comes first: each listed pair gains there by how much its value exceeds "none".
+    origin : tuple of int arrays
+        The truths, estimates and steps of the whole that those of the problem are.
+    block, begin, end : (E,) int arrays
+        Block, and first and last step of each in the whole.
+    first : (E,) int array
+        Where the steps of each begin in the problem, the one before them included.
+    before : Before
+        What there is at that step.
+    """
+
+    problem: Problem
+    origin: tuple[Ints, Ints, Ints]
+    block: Ints
+    begin: Ints
+    end: Ints
+    first: Ints
+    before: Before
+
+    @property
+    def length(self) -> Ints:
+        """Number of steps of each, (E,)."""
+        return self.end - self.begin + 1
+
+    @property
+    def ending(self) -> Ints:
+        """Of each step of the problem, (T,)."""
+        return np.repeat(np.arange(len(self.first)), np.diff(self.first, append=self.problem.steps))
+
+    @property
+    def own(self) -> Ints:
+        """The steps of the problem that are not before an ending."""
+        at = np.ones(self.problem.steps, bool)
+        at[self.first[self.before.ending]] = False
+        return np.flatnonzero(at)
+
+
+class Suffixes:
+    """Endings of beginnings of a problem that has the assignment `weights` (S,), in 1/ONE."""
+
+    def __init__(self, states: States, weights: Ints) -> None:
+        self.states, self.weights = states, weights
+        problem, steps = states.problem, states.problem.steps
+        gains = np.flatnonzero(states.entry >= 0)
+        entry = states.entry[gains].astype(np.int64)
+        pair = states.pair
+        order = np.argsort(entry)
+        entry, block = entry[order], states.pair_block[pair[gains[order]]]
+        self._entries = _Listed.of(entry, block, problem.entry_step[entry], steps)
+        self._pair_of = np.zeros(len(problem.cost), np.int64)
+        self._pair_of[entry] = pair[gains[order]]
+        self._used = np.unique(pair[weights > 0])
+        self._key = pair * np.int64(steps) + states.begin
+        self._sides: list[tuple[_Listed, Ints, _Listed, Ints]] = []
+        for side, pair_track in zip(problem.sides, states.pair_tracks, strict=True):
+            some, at = np.unique(side.row[entry].astype(np.int64), return_index=True)
+            objects = _Listed.of(some, block[at], side.step[some], steps)
+            place = np.zeros(len(side.step), np.int64)
+            place[objects.which] = np.arange(len(some))
+            track, at = np.unique(pair_track, return_index=True)
+            order = np.argsort(states.pair_block[at], kind="stable")
+            number = np.zeros(side.count, np.int64)
+            number[track[order]] = np.arange(len(track))
+            members = _Listed(which=track[order], key=states.pair_block[at][order], steps=1)
+            self._sides.append((objects, place, members, number))
+
+    def groups(self, block: Ints, begin: Ints, end: Ints) -> list[slice]:
+        """Neighbours of which each but the last have SIZE entries, or are a single one."""
+        size = np.cumsum(self._entries.spans(block, begin, end)[1])
+        bounds = [0]
+        while bounds[-1] < len(block):
+            done = size[bounds[-1] - 1] if bounds[-1] else 0
+            bounds.append(max(int(np.searchsorted(size, done + SIZE)), bounds[-1] + 1))
+        return [slice(a, b) for a, b in itertools.pairwise(bounds)]
+
+    def pairs(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
+        """Ending and pair, in order, of the pairs that come near, or are assigned before."""
+        size = np.int64(len(self.states.pair_row))
+        taken, ending = _ranges(*self._entries.spans(block, begin, end))
+        near = self._pair_of[self._entries.which[taken]]
+        block_of = self.states.pair_block[self._used]
+        low = np.searchsorted(block_of, block)
+        at, whose = _ranges(low, np.searchsorted(block_of, block, "right") - low)
+        held = self._used[at]
+        some = self.assigned(held, (begin - 1)[whose]) > 0
+        both = np.concatenate((ending * size + near, whose[some] * size + held[some]))
+        found, pair = np.divmod(np.unique(both), size)
+        return found, pair
+
+    def assigned(self, pair: Ints, step: Ints) -> Ints:
+        """What the whole assigns of pairs at steps inside of their blocks."""
+        key = pair * np.int64(self.states.problem.steps) + step
+        weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
+        return weights
+
+    def cut(self, block: Ints, begin: Ints, end: Ints, before: Before) -> SuffixProblem:
+        """The endings as one problem."""
+        whole = self.states.problem
+        head = np.zeros(len(block), np.int64)
+        head[before.ending] = 1
+        length = end - begin + 1 + head
+        first = np.cumsum(length) - length
+        step = concatenated(begin - head, length)
+        taken, ending = _ranges(*self._entries.spans(block, begin, end))
+        entry = self._entries.which[taken]
+        mixed = _Mixed(ending, before.ending, len(block))
+        price = max(side.price.max(initial=0.0) for side in whole.sides)
+        columns: dict[str, Any] = {}
+        tracks = []
+        for name, side, pair_track, (objects, place, members, number) in zip(
+            ("truth", "estimate"),
+            whole.sides,
+            self.states.pair_tracks,
+            self._sides,
+            strict=True,
+        ):
+            low, count = members.spans(block, 0 * block, 0 * block)
+            member, _ = _ranges(low, count)
+            tracks.append(members.which[member])
+            fresh = np.cumsum(count) - count - low
+            low, count = objects.spans(block, begin, end)
+            at, of = _ranges(low, count)
+            row = objects.which[at]
+            head_key, at_head = np.unique(
+                before.ending * np.int64(side.count) + pair_track[before.pair], return_inverse=True
+            )
+            of_head, head_track = np.divmod(head_key, max(side.count, 1))
+            both = _Mixed(of, of_head, len(block))
+            track = number[side.track[row]] + fresh[of]
+            own_step = side.step[row] + (first + head - begin)[of]
+            shift = np.cumsum(count) - count - low
+            own_row = both.first[place[side.row[entry]] + shift[ending]]
+            columns[f"{name}_track"] = both.join(track, number[head_track] + fresh[of_head])
+            columns[f"{name}_step"] = both.join(own_step, first[of_head])
+            columns[f"{name}_price"] = both.join(side.price[row], np.full(len(of_head), price))
+            columns[f"{name}_row"] = mixed.join(own_row, both.second[at_head]).astype(np.int32)
+        switch = whole.switch_price
+        problem = Problem(
+            steps=len(step),
+            truths=len(tracks[0]),
+            estimates=len(tracks[1]),
+            cost=mixed.join(whole.cost[entry], 2 * price - self._worth(begin, before)),
+            switch_price=switch
+            if isinstance(switch, float)
+            else switch[np.maximum(step[1:] - 1, 0)],
+            signed=True,
+            **columns,
+        )
+        return SuffixProblem(
+            problem=problem,
+            origin=(tracks[0], tracks[1], step),
+            block=block,
+            begin=begin,
+            end=end,
+            first=first,
+            before=before,
+        )
+
+    def _worth(self, begin: Ints, before: Before) -> Floats:
+        """By how much the values of the listed pairs exceed that of "none", which may be negative.
+
+        Pairs that were entered from "none" are better entered later, so they are worth still less:
+        what ties only makes work.
+        """
+        price = self.states.problem.switch_price_at[begin][before.ending]
+        worth: Floats = before.value - np.maximum(before.none, before.other - price)
+        return np.where(worth <= -ENTERED * price, -2.0 * price, worth)
+
+
+class _Mixed:
+    """Two lists as one, in which those of each ending follow each other, of the second first.
+
+    Parameters
+    ----------
+    ending, other : int arrays
+        Ending of each of the first and of the second, in order.
+    endings : int
+        How many there are.
+
+    Attributes
+    ----------
+    first, second : int arrays
+        Places in the one list.
+    """
+
+    def __init__(self, ending: Ints, other: Ints, endings: int) -> None:
+        of_first = np.bincount(ending, minlength=endings)
+        of_second = np.bincount(other, minlength=endings)
+        self.first = np.arange(len(ending)) + np.cumsum(of_second)[ending]
+        self.second = np.arange(len(other)) + (np.cumsum(of_first) - of_first)[other]
+
+    def join(self, first: Ints | Floats, second: Ints | Floats) -> NDArray[Any]:
+        """Values of both."""
+        joined = np.empty(len(first) + len(second), np.result_type(first, second))
+        joined[self.first], joined[self.second] = first, second
+        return joined
+
+
+def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
+    """The numbers of each range, one range after the other, and whose each is."""
+    return concatenated(low, count), np.repeat(np.arange(len(low)), count)
+
+
+# -------------------------------------------------------------------------------------------------
+# What is proven of beginnings by solving their endings (docs/theory/solvers.md, "The curve").
+
+
+class SeparateStretches:
+    """Stretches of steps of blocks, each a problem of its own; many side by side.
+
+    Parameters
+    ----------
+    endings : Suffixes
+        Of the whole.
+    saved : SavedSolution
+        Its solution.
+    block, begin, end : (N,) int arrays
+        Block, and first and last step of each.
+    """
+
+    def __init__(
+        self, endings: Suffixes, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
+    ) -> None:
+        self.cut = endings.cut(block, begin, end, Before.nothing())
+        self.states = merge_runs(self.cut.problem)
+        self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.cut.origin)
+
+    def held(self) -> tuple[Floats, Floats, Floats]:
+        """What the solution of the whole proves, as `solve` returns it."""
+        (weights,) = self.warm_start.weights
+        return self._proven(
+            Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
+        )
+
+    def solve(self, solver: Certified, stopwatch: Stopwatch) -> tuple[Floats, Floats, Floats]:
+        """Solve them, and prove each as any result is.
+
+        Returns
+        -------
+        parts : (4, N) float array
+            Cost by kind.
+        lower : (N,) float array
+            Lower bound of the least possible cost.
+        error : (N,) float array
+            How much the parts together may be too small by rounding.
+        """
+        return self._proven(solver(self.states, stopwatch, replace(self.warm_start, near=True)))
+
+    def _proven(self, solution: Solution) -> tuple[Floats, Floats, Floats]:
+        cut, states = self.cut, self.states
+        _, lower, split = prove(states, solution, consume=solution.disposable)
+        parts = np.array(
+            [
+                np.add.reduceat(kind, cut.first)
+                for kind in (split.localisation, split.missed, split.false, split.switch)
+            ]
+        )
+        ending = np.searchsorted(cut.first, states.block_begin, side="right") - 1
+        bound = sum_by(ending, lower, len(cut.first))
+        bound *= 1 - len(states.block_begin) * ROUNDOFF
+        return parts, bound, _rounding(states, parts, cut.length)
+
+
+class ContinuedPrefixes:
+    """Beginnings that are as the whole has them before some step, and are solved from there on.
+
+    They are to be asked for in the order of these steps.
+
+    Parameters
+    ----------
+    endings : Suffixes
+        Of the whole.
+    found : PrefixBounds
+        What its solution proves of all beginnings.
+    saved : SavedSolution
+        That solution.
+    """
+
+    def __init__(self, endings: Suffixes, found: PrefixBounds, saved: SavedSolution) -> None:
+        self.endings, self.found, self.saved = endings, found, saved
+        moves = found.moves
+        self._none, self._reached = np.zeros(len(moves.rows)), np.zeros(len(moves.row))
+        self._best, self._done = np.zeros(len(moves.rows)), 0
+        self._pass = forward(moves, self._none, self._reached)
+
+    def solve(
+        self, block: Ints, begin: Ints, end: Ints, solver: Certified, stopwatch: Stopwatch
+    ) -> tuple[Ints, Floats, Floats, Floats]:
+        """Solve endings, none of which begins with its block.
+
+        Of all steps in them: cells, some perhaps several times, and what
+        `SeparateStretches.solve` returns.
+        """
+        before, rest = self._before(block, begin, end)
+        cut = self.endings.cut(block, begin, end, before)
+        states = merge_runs(cut.problem, transpose=False)
+        warm_start = make_warm_start(states, (self.saved,), (1.0,), cut.origin)
+        # What is paid until then is in the values already.
+        until_then = np.zeros(cut.problem.steps, bool)
+        until_then[cut.first] = True
+        prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
+        solution = solver(states, stopwatch, replace(warm_start, prices=prices, near=True))
+        listed = self._listed(cut, states)
+        parts, error = self._costs(cut, states, listed, repair(states, solution.weights))
+        lower = self._lower(cut, states, listed, fair_prices(solution.prices), rest)
+        return concatenated(self.found.cells.of(block, begin), cut.length), parts, lower, error
+
+    def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
+        """What there is before endings; of rows without a listed pair sums of values and sizes."""
+        moves = self.found.moves
+        row_block = self.endings.states.node_block[moves.rows]
+        ending, pair = self.endings.pairs(block, begin, end)
+        value, none, other = np.zeros((3, len(pair)))
+        rest = np.zeros((2, len(block)))
+        edges = np.searchsorted(ending, np.arange(len(block) + 1))
+        pair_first = np.append(moves.first, len(moves.row))
+        for number, step in enumerate(begin.tolist()):
+            while self._done < step:
+                self._best = next(self._pass)
+                self._done += 1
+            own = slice(edges[number], edges[number + 1])
+            low, high = np.searchsorted(row_block, (block[number], block[number] + 1))
+            values = self._reached[pair_first[low] : pair_first[high]].copy()
+            row, at = moves.row[pair[own]], pair[own] - pair_first[low]
+            value[own], none[own] = values[at], self._none[row]
+            values[at] = -np.inf
+            left = np.maximum.reduceat(values, moves.first[low:high] - pair_first[low])
+            other[own] = left[row - low]
+            unlisted = self._best[low:high].copy()
+            unlisted[row - low] = 0.0
+            rest[:, number] = unlisted.sum(), np.abs(unlisted).sum()
+        weight = self.endings.assigned(pair, (begin - 1)[ending])
+        before = Before(
+            ending=ending, pair=pair, weight=weight, value=value, none=none, other=other
+        )
+        return before, rest
+
+    def _listed(self, cut: SuffixProblem, states: States) -> Ints:
+        """The place in `Before` of each pair."""
+        whole, before = self.endings.states, cut.before
+        truths, estimates = np.int64(whole.problem.truths), np.int64(whole.problem.estimates)
+        known = before.ending * truths + whole.pair_truth[before.pair]
+        known = known * estimates + whole.pair_estimate[before.pair]
+        sought = cut.ending[states.begin[states.pair_first[:-1]]] * truths
+        sought = (sought + cut.origin[0][states.pair_truth]) * estimates
+        sought = sought + cut.origin[1][states.pair_estimate]
+        order = np.argsort(known)
+        found: Ints = order[np.searchsorted(known, sought, sorter=order)]
+        return found
+
+    def _costs(
+        self, cut: SuffixProblem, states: States, listed: Ints, weights: Ints
+    ) -> tuple[Floats, Floats]:
+        """Cost by kind, and its error, up to each step of each ending."""
+        split = break_down(states, weights)
+        # Into the first step switches are from what the whole assigns before.
+        before = cut.before.weight[listed]
+        state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
+        # Nothing happens any more to blocks of a single step.
+        after = np.where(state > last, before, weights[np.minimum(state, last)])
+        step = states.begin[states.pair_first[:-1]] + 1
+        amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
+        switch = split.switch.copy()
+        switch[cut.first + 1] = sum_by(step, amount, len(switch))[cut.first + 1]
+        kinds = np.array([split.localisation, split.missed, split.false, switch])[:, cut.own]
+        ending = cut.ending[cut.own]
+        at = self.found.cells.of(cut.block, cut.begin - 1)
+        parts = self.found.parts[:, at][:, ending] + _running(kinds, cut.length)
+        error = self.found.error[at][ending] + _rounding(states, parts, cut.length[ending])
+        return parts, error
+
+    def _lower(
+        self, cut: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
+    ) -> Floats:
+        """Lower bound up to each step of each ending."""
+        found, slots, before = self.found, states.columns, cut.before
+        moves = RowMoves.of(states, offsets(states), prices, since=cut.first[cut.ending] + 1)
+        of_row = cut.ending[states.block_begin[states.node_block[moves.rows]]]
+        reached = before.value[listed]
+        opens = states.pair_first[:-1]  # what is paid at the step before
+        pays = np.flatnonzero(slots.end[opens] > slots.begin[opens])
+        reached[pays] = up(reached[pays] - prices[slots.begin[opens[pays]]])
+        some = listed[moves.first]
+        other = before.other[some]
+        price = self.endings.states.problem.switch_price_at[cut.begin][of_row]
+        none = np.maximum(before.none[some], up(other - price))
+        begins = np.cumsum(cut.length) - cut.length
+        values = np.zeros((2, int(cut.length.sum())))
+        for time, best in enumerate(forward(moves, none, reached, other)):
+            live = np.flatnonzero(cut.length > time)
+            for kind, value in enumerate((best, np.abs(best))):
+                total = np.bincount(of_row, value, minlength=len(cut.first)) + rest[kind]
+                values[kind, begins[live] + time] = total[live]
+        paid = sum_by(slots.step, prices, cut.problem.steps)
+        paid[cut.first + 1] += paid[cut.first]
+        ending = cut.ending[cut.own]
+        earlier = found.paid[self.found.cells.of(cut.block, cut.begin - 1)][ending]
+        cells = concatenated(self.found.cells.of(cut.block, cut.begin), cut.length)
+        paid = earlier + _running(paid[cut.own][None], cut.length)[0]
+        return found.lower(cells, values[0], values[1], paid)
+
+
+def _running(value: Floats, length: Ints) -> Floats:
+    """Running sums, in each row, of parts of so many values."""
+    total = np.empty_like(value)
+    for low, high in itertools.pairwise(np.concatenate(([0], np.cumsum(length))).tolist()):
+        np.cumsum(value[:, low:high], axis=1, out=total[:, low:high])
+    return total
+
+
+def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
+    """How far off costs by kind may be: sums of the steps of an ending, and of its states."""
+    terms = int(np.bincount(states.begin, minlength=1).max())
+    error: Floats = parts.sum(axis=0) * (length + 2 * terms + 16) * ROUNDOFF
+    return error
+
+
+def unpaired_by_step(states: States) -> Floats:
+    """Cost at each step of the truths and estimates that are near to none, (2, T)."""
+    problem = states.problem
+    total = np.zeros((2, problem.steps))
+    for own, side in zip(total, problem.sides, strict=True):
+        price = side.price.copy()
+        price[side.row] = 0.0
+        own[:] = sum_by(side.step, price, problem.steps)
+    return total
+
+
+def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
+    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
+    problem, blocks = states.problem, len(states.block_begin)
+    lower = lower_bounds(states, prices, reduced)
+    unpaired = np.zeros(blocks)
+    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+        block = blocks_of[side.track]
+        price = side.price.copy()
+        price[side.row] = 0.0
+        unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)
+    exact = whole_prices(problem)
+    error = (lower + unpaired) * (2 if exact else 2 + len(problem.truth_price)) * ROUNDOFF
+    return lower - unpaired - error
+
 
 SPAN = 8
 """Steps of the first endings: of 8, 12, 16, 24, 32 the quickest on crowds of 20 and of 100."""
@@ -229,73 +755,47 @@ def slide(
     problem = states.problem
     first, last = spans
     prices = fair_prices(prices)
-    stretches = _WindowStretches.of(states, first, last)
-    found = np.zeros((6, len(stretches.block)))  # four kinds of costs, a lower bound, an error
-    complete = stretches.complete(states)
-    block = stretches.block[complete]
-    found[:, complete] = np.vstack(_of_blocks(states, weights, prices, reduced, block))
-    rest = np.setdiff1d(np.arange(len(stretches.block)), complete)
+    stretches, of_windows = _of_windows(states, first, last)
+    block, begin, end = stretches
+    found = np.zeros((6, len(block)))  # four kinds of costs, a lower bound, an error
+    whole = (begin == states.block_begin[block]) & (end == states.block_end[block])
+    found[:, whole] = np.vstack(_of_blocks(states, weights, prices, reduced, block[whole]))
+    rest = np.flatnonzero(~whole)
     if len(rest):
         endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         limit = Limit.of(solver.time_limit, progress or Progress())
         done = 0
-        for group in endings.groups(*stretches.some(rest)):
+        for group in endings.groups(*stretches[:, rest]):
             limit.progress.again("the windows", done / len(rest))
             own = rest[group]
-            alone = SeparateStretches(endings, saved, *stretches.some(own))
+            alone = SeparateStretches(endings, saved, *stretches[:, own])
             found[:, own] = np.vstack(_solved(alone, solver, limit))
             done += len(own)
-    return _added(problem, unpaired_by_step(states), found, stretches, spans)
+    return _added(problem, unpaired_by_step(states), found, of_windows, spans)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _WindowStretches:
+def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
     """What the windows have of the blocks, each once.
 
-    Parameters
-    ----------
-    block, begin, end : (N,) int arrays
+    Returns
+    -------
+    stretches : (3, N) int array
         Block, and first and last step of each.
-    of_window, stretch : (M,) int arrays
+    parts : pair of (M,) int arrays
         Windows, and a stretch that each consists of.
     """
-
-    block: Ints
-    begin: Ints
-    end: Ints
-    of_window: Ints
-    stretch: Ints
-
-    @classmethod
-    def of(cls, states: States, first: Ints, last: Ints) -> "_WindowStretches":
-        opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
-        low = np.searchsorted(last, opens)
-        count = np.maximum(np.searchsorted(first, closes, "right") - low, 0)
-        block = np.repeat(np.arange(len(opens)), count)
-        window = np.arange(len(block)) + np.repeat(low - np.cumsum(count) + count, count)
-        begin = np.maximum(first[window], opens[block])
-        end = np.minimum(last[window], closes[block])
-        steps = np.int64(states.problem.steps)
-        # Windows go on in time, so equal ones follow each other.
-        fresh = np.diff(block, prepend=-1) != 0
-        fresh[1:] |= np.diff(begin * steps + end) != 0
-        at = np.flatnonzero(fresh)
-        return cls(
-            block=block[at],
-            begin=begin[at],
-            end=end[at],
-            of_window=window,
-            stretch=np.cumsum(fresh) - 1,
-        )
-
-    def complete(self, states: States) -> Ints:
-        """Those that are all steps of their block."""
-        whole = self.begin == states.block_begin[self.block]
-        return np.flatnonzero(whole & (self.end == states.block_end[self.block]))
-
-    def some(self, chosen: Ints) -> tuple[Ints, Ints, Ints]:
-        """Block, and first and last step of some."""
-        return self.block[chosen], self.begin[chosen], self.end[chosen]
+    opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
+    low = np.searchsorted(last, opens)
+    count = np.maximum(np.searchsorted(first, closes, "right") - low, 0)
+    block = np.repeat(np.arange(len(opens)), count)
+    window = np.arange(len(block)) + np.repeat(low - np.cumsum(count) + count, count)
+    begin = np.maximum(first[window], opens[block])
+    end = np.minimum(last[window], closes[block])
+    steps = np.int64(states.problem.steps)
+    # Windows go on in time, so equal ones follow each other.
+    fresh = np.diff(block, prepend=-1) != 0
+    fresh[1:] |= np.diff(begin * steps + end) != 0
+    return np.stack((block, begin, end))[:, fresh], (window, np.cumsum(fresh) - 1)
 
 
 def _of_blocks(
@@ -332,14 +832,15 @@ def _added(
     problem: Problem,
     unpaired: Floats,
     found: Floats,
-    stretches: _WindowStretches,
+    of_windows: tuple[Ints, Ints],
     spans: tuple[Ints, Ints],
 ) -> Windows:
     """Sums of the stretches of each window, and of the objects in it that are near to none."""
     (first, last), parts, least, error = spans, found[:4], found[4], found[5]
+    window, stretch = of_windows
 
     def total(value: Floats) -> Floats:
-        return sum_by(stretches.of_window, value[stretches.stretch], len(first))
+        return sum_by(window, value[stretch], len(first))
 
     def between(value: Floats) -> Floats:
         """Sums of the values >= 0 of the steps of each window, nothing taken away again."""
@@ -358,7 +859,7 @@ def _added(
             for step in (problem.truth_step, problem.estimate_step)
         ]
     )
-    terms = 8 + np.bincount(stretches.of_window, minlength=len(first))
+    terms = 8 + np.bincount(window, minlength=len(first))
     if not (whole_prices(problem) and alone.max(initial=0.0) < 2.0**31):
         terms = terms + counts.sum(axis=0) + (last - first)
     few = terms * ROUNDOFF

@@ -17,7 +17,7 @@ from tgospa_eval.evaluation.pair import PairEvaluation, source_of
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE
 from tgospa_eval.results.gradient import Gradient
 from tgospa_eval.text import option
 

@@ -18,12 +18,11 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
+from tgospa_eval.formats.reading import Regions
 from tgospa_eval.text import listed, option, quoted
-from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.ignored import MARKED, MARKS, OWN_MARKS, marked, marks_of
+from tgospa_eval.tracks.coverage import MARKED, MARKS, OWN_MARKS, marked, marks_of
 from tgospa_eval.tracks.interpolation import found_near
-from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 OUTSIDE, GAPS, IN_REGIONS = "outside-truth-steps", "truth-gaps", "in-regions"
 WORDS = (*MARKS, OUTSIDE, IN_REGIONS, GAPS)

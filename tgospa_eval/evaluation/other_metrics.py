@@ -25,11 +25,11 @@ from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.readout import judged_rows
+from tgospa_eval.problem.solution import judged_rows
 from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
-from tgospa_eval.tracks.attributes import file_order
-from tgospa_eval.tracks.held import Held
+from tgospa_eval.tracks.alignment import Held
+from tgospa_eval.tracks.trajectories import file_order
 
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""
@@ -122,7 +122,7 @@ def other_metrics(
 ) -> ComputedMetrics:
     """Metrics by name, of two sides as they are compared.
 
-    Where states are not judged, those of TrackEval are without them: see `problem.readout`.
+    Where states are not judged, those of TrackEval are without them: see `problem.solution`.
 
     Parameters
     ----------
@@ -194,10 +194,10 @@ def _plain(value: Any) -> float:
 def _gospa(prepared: PreparedPair) -> dict[str, float]:
     problem, parameters = prepared.states.problem, prepared.parameters
     scale = parameters.scale
-    step = per_step_gospa(problem)
-    parts = {"localisation": step.localisation, "missed": step.missed, "false": step.false}
+    _, localisation, missed, false = per_step_gospa(problem)
+    parts = {"localisation": localisation, "missed": missed, "false": false}
     return {
-        "total": scale * float(step.total.sum()),
+        "total": scale * float((localisation + missed + false).sum()),
         **{name: scale * float(part.sum()) for name, part in parts.items()},
     }
 

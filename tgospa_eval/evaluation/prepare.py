@@ -12,34 +12,41 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
-from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import (
     Parameters,
-    StepWeights,
+    check_weights,
     ignore_states,
     tgospa_problem,
     weight_existence,
     weight_steps,
 )
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import ComparedSides, Json, Labels, input_record
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
-from tgospa_eval.tracks.coverage import Coverage, digest, judge, unsigned_zeros, whole
-from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
-from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import (
+    AWAY,
+    NOT_JUDGED,
+    Coverage,
+    digest,
+    judge,
+    marks_of,
+    unsigned_zeros,
+    whole,
+)
 from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.weights import EXISTENCE, existence_of, expected
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.held import Held
-    from tgospa_eval.tracks.step_weights import WeightsByTime
+    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.weights import WeightsByTime
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +89,7 @@ class MeasuredSides(ComparedSides):
     recorded : callable
         Makes rows and digest of either side, and what a value is judged on; trials of repairs
         need neither.
-    step_weights : StepWeights, optional
+    step_weights : pair of float arrays, optional
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
@@ -91,7 +98,7 @@ class MeasuredSides(ComparedSides):
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
     recorded: Callable[[], tuple[Mapping[str, Json], Coverage]]
-    step_weights: StepWeights | None = None
+    step_weights: tuple[Floats, Floats] | None = None
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
@@ -100,7 +107,7 @@ class MeasuredSides(ComparedSides):
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
-            problem = weight_steps(problem, self.step_weights)
+            problem = weight_steps(problem, *self.step_weights)
         return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
@@ -349,8 +356,7 @@ def measure(
         truth, estimate = near.sides
     weights = None
     if request.step_weights is not None:
-        cost, switch = request.step_weights.on(truth)
-        weights = StepWeights(cost=cost, switch=switch)
+        weights = check_weights(*request.step_weights.on(truth))
     measured = MeasuredSides(
         sides=near.sides,
         distance=near.distance,

@@ -27,13 +27,13 @@ from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.reading import Regions
 from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
-from tgospa_eval.tracks.attributes import file_order
-from tgospa_eval.tracks.ignored import marked
-from tgospa_eval.tracks.regions import Regions
+from tgospa_eval.tracks.coverage import marked
+from tgospa_eval.tracks.trajectories import file_order
 
 IGNORE = "ignore"
 

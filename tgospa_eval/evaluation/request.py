@@ -18,14 +18,13 @@ from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.durations import MAX_STEPS, SECOND, TIME_UNITS, Duration
+from tgospa_eval.tracks.conversion import MAX_STEPS, SECOND, TIME_UNITS, Conversion, Duration
 from tgospa_eval.tracks.trajectories import TimeArray
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.ignoring import Ignoring
     from tgospa_eval.evaluation.slicing import SliceBy
-    from tgospa_eval.tracks.step_weights import WeightsByTime
+    from tgospa_eval.tracks.weights import WeightsByTime
 
 
 @dataclass(frozen=True, kw_only=True)

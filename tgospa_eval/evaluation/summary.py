@@ -14,13 +14,13 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.evaluation.axis import TURN, apart
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.readout import judged_rows, read_assigned
+from tgospa_eval.problem.solution import judged_rows, read_assigned
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import ComparedSides, Json, PairProof
 from tgospa_eval.results.summary import Summary, finite, mean, ratio, root
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 HALF = 0.5 - 1e-9

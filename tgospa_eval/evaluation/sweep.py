@@ -19,10 +19,9 @@ from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, NearPairs
 from tgospa_eval.evaluation.prove import prove, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import kernels
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver

@@ -17,8 +17,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import turns
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
@@ -165,17 +164,17 @@ def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
     without : (S,) float array
         Loss of being in "none" when it begins.
     """
-    turn = turns(states)
-    price = states.problem.switch_price_at[states.begin[turn.order]]
-    value = value[turn.order]
+    bounds, order, pair_of, row_of = turns(states)
+    price = states.problem.switch_price_at[states.begin[order]]
+    value = value[order]
     size = len(value)
     pairs, nodes = len(states.pair_row), states.nodes
     through, without = np.zeros(size), np.zeros(size)
-    spans = [slice(*bounds) for bounds in itertools.pairwise(turn.bounds)]
+    spans = [slice(*ends) for ends in itertools.pairwise(bounds)]
 
     none, current = np.zeros(nodes), np.zeros(pairs)
     for own in spans:
-        pair, row = turn.pair[own], turn.row[own]
+        pair, row = pair_of[own], row_of[own]
         reached = current[pair]
         np.maximum.at(none, row, reached - price[own])
         without[own] = none[row]
@@ -183,16 +182,16 @@ def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
         through[own] = current[pair]
     best = none
     np.maximum.at(best, states.pair_row, current)
-    best = best[turn.row]
+    best = best[row_of]
 
     none, current = np.zeros(nodes), np.zeros(pairs)
     for own in reversed(spans):
-        pair, row = turn.pair[own], turn.row[own]
+        pair, row = pair_of[own], row_of[own]
         through[own] += current[pair]
         without[own] += none[row]
         entered = value[own] + current[pair]
         np.maximum.at(none, row, entered - price[own])
         current[pair] = np.maximum(entered, none[row] - price[own])
     losses = np.empty((2, size))
-    losses[0, turn.order], losses[1, turn.order] = best - through, best - without
+    losses[0, order], losses[1, order] = best - through, best - without
     return losses[0], losses[1]

@@ -22,11 +22,10 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
-from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
 from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.existence import EXISTENCE, existence_of
-from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
-from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+from tgospa_eval.tracks.coverage import AWAY, NOT_JUDGED, marks_of
+from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories, chosen, stacked
+from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
 # -------------------------------------------------------------------------------------------------
 # What a repair does to the rows of an estimate. Knows no metric.

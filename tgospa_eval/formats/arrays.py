@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.headers import BOX, find_roles
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
@@ -278,7 +279,7 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
 
 
 def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
-    """Matrices (R, d, d) as the columns of a table, as `formats.columns.spread` reads them."""
+    """Matrices (R, d, d) as the columns of a table, as `formats.spread` reads them."""
     return {
         f"cov_{one}_{other}": matrices[:, i, j]
         for i, one in enumerate(names)

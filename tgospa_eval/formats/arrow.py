@@ -7,10 +7,11 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import Roles, find_roles, parse_columns
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.headers import parse_columns
 from tgospa_eval.formats.loading import TABLE, check_memory, check_parquet, unreadable
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import Roles, find_roles
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
 

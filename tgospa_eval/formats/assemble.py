@@ -11,20 +11,18 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
+from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
-from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.attributes import ROW, Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
-from tgospa_eval.tracks.regions import BOX, Regions, Shape
-from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.columns.spread import SpreadColumns
     from tgospa_eval.formats.particles import Particles
+    from tgospa_eval.formats.spread import SpreadColumns
 
 
 AIS_UNKNOWN = (91.0, 181.0)
@@ -563,7 +561,7 @@ def _covariances(
     rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
     """The covariances of some rows."""
-    from tgospa_eval.formats.columns.spread import covariances_of
+    from tgospa_eval.formats.spread import covariances_of
 
     numbers = rows.roles.numbers
     covariance, notices = covariances_of(

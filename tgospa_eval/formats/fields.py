@@ -1,13 +1,19 @@
-"""Fields of text: the one rule of what is a number, and columns that hold each text once."""
+"""Fields of text: the one rule of what is a number, columns that hold each text once, and times."""
 
-from collections.abc import Iterator, Sequence
-from typing import overload
+import re
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Protocol, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.common.words import more
+from tgospa_eval.text import option, quoted
+from tgospa_eval.tracks.conversion import SECOND, iso
+from tgospa_eval.tracks.trajectories import TimeArray, Values
 
 MISSING = frozenset(
     (
@@ -93,3 +99,307 @@ def attribute_of(column: Coded, decimal: str = ".") -> Values:
         table = np.empty(len(texts), dtype=object)
         table[:] = texts
         return np.asarray(table[column.code])
+
+
+ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
+EXACT_BELOW = 2.0**53
+"""Below this doubles hold every integer."""
+
+EARLIEST, LATEST = 10**8, 4 * 10**9
+"""Seconds since 1970 that a number may be guessed to be: 1973 to 2096."""
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Times:
+    """Times of all rows.
+
+    Parameters
+    ----------
+    value : (R,) int64 or float64 array
+        Numbers as given, or nanoseconds since 1970.
+    clock : {"number", "local", "zoned"}
+        Kind of time.
+    text : list of str, optional
+        The texts, where they are no numbers.
+    """
+
+    value: TimeArray
+    clock: str
+    text: Sequence[str] | None
+
+
+class Form(Protocol):
+    """How times are written: see `formats.clocks.TimeForm`."""
+
+    @property
+    def format(self) -> str:
+        """Blank for numbers and ISO times."""
+
+    def read(self, column: Coded) -> Times | None:
+        """Times of a column by a format; None if there is none."""
+
+    def zoned(self, times: Times) -> Times:
+        """Times without zone in UTC, if they are of a zone."""
+
+
+class RowError(ValueError):
+    """Row `row` is wrong; the message has what is wrong and what would be right."""
+
+    def __init__(self, row: int, message: str) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+class TimeError(RowError):
+    """A time is none."""
+
+
+def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
+    """All texts of a column; they must be of one kind.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        The column.
+    to_floats : callable
+        Turns the whole column into floats or raises ValueError.
+
+    Raises
+    ------
+    TimeError
+        The first row that is blank, no time, infinite, or of another kind than the first row.
+    """
+    joined = "".join(texts)
+    if joined.isascii() and "_" not in joined:
+        try:
+            return Times(value=np.array(list(map(int, texts)), np.int64), clock="number", text=None)
+        except (ValueError, OverflowError):
+            pass
+    try:
+        value = to_floats(texts)
+    except ValueError:
+        return _iso(texts, to_floats)
+    odd = np.flatnonzero(~np.isfinite(value))
+    if len(odd):
+        text = texts[odd[0]]
+        what = f"not a finite time: {quoted(text)}" if text.strip() else "blank time"
+        raise TimeError(int(odd[0]), f"{what}{more(len(odd))}; write a number")
+    for row in np.flatnonzero(np.abs(value) >= EXACT_BELOW).tolist():
+        if texts[row].strip().lstrip("+-").isdigit():
+            raise TimeError(
+                row,
+                f"the integer {quoted(texts[row])} is not exact beside decimal or larger times; "
+                "write all times as 64-bit integers",
+            )
+    return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
+
+
+def coded_times(column: Coded, decimal: str) -> Times:
+    """Times of a column, each distinct text parsed once.
+
+    Raises
+    ------
+    TimeError
+        As `parse_times`, of the first row that is wrong.
+    """
+
+    def to_floats(texts: Sequence[str]) -> Floats:
+        return floats(texts, decimal)
+
+    try:
+        times = parse_times(column.distinct, to_floats)
+    except TimeError:
+        return parse_times(list(column), to_floats)  # its error has the row, and their number
+    text = None if times.text is None else column
+    return Times(value=times.value[column.code], clock=times.clock, text=text)
+
+
+def read_times(
+    column: Coded,
+    decimal: str,
+    form: Form | None = None,
+    second: Coded | None = None,
+    digits: int = 0,
+) -> Times:
+    """Times of a column, or of two that are one stamp, by a form if there is one.
+
+    `digits` are those of a second behind the point, if the second column has such by its header.
+
+    Raises
+    ------
+    TimeError
+        As `parse_times`, or a text does not fit the form.
+    """
+    if second is not None:
+        column = joined_texts(column, second)
+        joined = None if form and form.format not in ("", "s") else _of_fractions(column, digits)
+        if joined is not None:
+            return joined
+    if form is None:
+        return coded_times(column, decimal)
+    return form.zoned(form.read(column) or coded_times(column, decimal))
+
+
+def _of_fractions(column: Coded, digits: int) -> Times | None:
+    """Times of whole seconds, a blank, and their fraction in whole numbers; None of other texts.
+
+    Seconds since 1970, by their size, are times in UTC.
+
+    Raises
+    ------
+    TimeError
+        Nobody knows what part of a second the fraction counts, or it is more than a second.
+    """
+    parts = [text.partition(" ")[::2] for text in column.distinct]
+    if not parts or not all(re.fullmatch("[0-9]{1,18}", text) for pair in parts for text in pair):
+        return None
+    pairs = [(int(a), int(b)) for a, b in parts]
+    is_epoch = all(EARLIEST <= whole < LATEST for whole, _ in pairs)
+    largest = max(fraction for _, fraction in pairs)
+    if not digits and is_epoch and largest >= 10**6:
+        digits = 9
+    if not digits or largest >= 10**digits:
+        row = int(np.argmax(column.code == [part for _, part in pairs].index(largest)))
+        raise TimeError(
+            row,
+            f"{quoted(column[row])} is no second and its fraction; name the column of the fraction "
+            f"nsec, usec or msec, or say how both are written, {option('truth_time_format')} or "
+            f"{option('estimate_time_format')}",
+        )
+    if is_epoch:
+        exact = [whole * SECOND + part * 10 ** (9 - digits) for whole, part in pairs]
+        texts = Coded([iso(moment, "zoned") for moment in exact], column.code)
+        return Times(value=np.array(exact, np.int64)[column.code], clock="zoned", text=texts)
+    seconds = np.array([float(f"{whole}.{part:0{digits}}") for whole, part in pairs])
+    return Times(value=seconds[column.code], clock="number", text=None)
+
+
+def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
+    """The times of each series as places in the order of those of all, exact for all numbers.
+
+    Parameters
+    ----------
+    series : sequence of sequence of int, float or str
+        Times as they were read: numbers, or texts that are ISO-8601 times.
+
+    Raises
+    ------
+    TimeError
+        A text is no time, or times are of several kinds.
+    """
+    times = [t for own in series for t in own]
+    texts = [t for t in times if isinstance(t, str)]
+    keys: list[int | float] = [t for t in times if not isinstance(t, str)]
+    if texts:
+        if keys:
+            told = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
+            raise TimeError(0, f"mixed kinds of time: {told}; write all alike")
+        keys = parse_times(texts, floats).value.tolist()
+    rank = {key: k for k, key in enumerate(sorted(set(keys)))}
+    found = np.array([rank[key] for key in keys], np.int64)
+    return np.split(found, np.cumsum([len(own) for own in series])[:-1])
+
+
+def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
+    """ISO-8601 times, each distinct text parsed once."""
+    known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
+    for fault in ("none", "far"):
+        wrong = [row for row, text in enumerate(texts) if known[text][1] == fault]
+        if not wrong:
+            continue
+        text = texts[wrong[0]]
+        if fault == "far":
+            what = f"a time beyond 64-bit nanoseconds: {quoted(text)}"
+            remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
+        else:
+            what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
+            remedy = _reading_of(text) or "write a number or an ISO-8601 time"
+            if re.fullmatch(r"\s*[-+]?[\d.]+\s*[A-Za-z]+\s*", text):
+                remedy = remedy_for(text)
+            remedy += f"; {remedy_for(text)}" if "," in text else ""
+        raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
+    clock = known[texts[0]][1]
+    for row, text in enumerate(texts):
+        if known[text][1] != clock:
+            raise TimeError(
+                row, f"mixed kinds of time: {quoted(texts[0])} and {quoted(text)}; write all alike"
+            )
+    value = np.array([known[text][0] for text in texts], np.int64)
+    return Times(value=value, clock=clock, text=texts)
+
+
+def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int, str]:
+    """Nanoseconds and kind of one text."""
+    try:
+        to_floats([text])
+    except ValueError:
+        pass
+    else:
+        return 0, "number" if text.strip() else "none"
+    # datetime keeps microseconds only; the digits of the fraction are taken by hand.
+    match = re.fullmatch(ISO, text.strip())
+    plain, fraction = (match[1] + match[3], match[2]) if match else (text.strip(), "")
+    if fraction[9:].strip("0"):
+        return 0, "none"
+    try:
+        moment = datetime.fromisoformat(plain)
+    except ValueError:
+        return 0, "none"
+    clock = "local" if moment.tzinfo is None else "zoned"
+    since = (moment.replace(tzinfo=UTC) if clock == "local" else moment) - EPOCH
+    seconds = since.days * 86_400 + since.seconds
+    nanoseconds = seconds * 1_000_000_000 + since.microseconds * 1000
+    nanoseconds += int(fraction[:9].ljust(9, "0"))
+    if not -(2**63) <= nanoseconds < 2**63:
+        return 0, "far"
+    return nanoseconds, clock
+
+
+DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(:\d{2}(\.\d+)?)?)?")
+
+
+def _reading_of(text: str) -> str:
+    """What to do about a date of days and months: both readings, where both are possible."""
+    if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
+        shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
+        return (
+            f"'{shown}' with {option('truth_time_format')} or {option('estimate_time_format')} "
+            "reads times of day"
+        )
+    found = DATE.fullmatch(text.strip())
+    if found is None:
+        return ""
+    first, mark, second, year = int(found[1]), found[2], int(found[3]), found[4]
+    clock = f" %H:%M{':%S' if found[6] else ''}{'.%f' if found[7] else ''}" if found[5] else ""
+    ways = []
+    for order, day, month in (("%d{0}%m{0}%Y", first, second), ("%m{0}%d{0}%Y", second, first)):
+        if 1 <= month <= 12 and 1 <= day <= 31:
+            shown = order.format(mark) + clock
+            ways.append(f"'{shown}' reads {year}-{month:02d}-{day:02d}")
+    if not ways:
+        return ""
+    return (
+        f"choose with {option('truth_time_format')} or {option('estimate_time_format')}: "
+        f"{', '.join(ways)}"
+    )
+
+
+BLANK = "leave it blank where the object is absent"
+"""Of a number that has no remedy of its own."""
+
+
+def remedy_for(text: str) -> str:
+    """What to do about a text that is no number."""
+    with_words = re.fullmatch(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*", text)
+    if with_words and with_words[2] in "NSEWnsew":
+        sign = "-" if with_words[2] in "SWsw" else ""
+        return f"write degrees north and east, {sign}{with_words[1]}"
+    if with_words:
+        return f"write the number alone, {with_words[1]}, and the unit in the header"
+    if "," in text:
+        return f"use a decimal point, or {option('decimal', ',')}"
+    if "." in text:
+        return f"use one decimal mark ({option('decimal')}) and no thousands separator"
+    return BLANK

@@ -8,9 +8,9 @@ from itertools import takewhile
 
 from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.common.words import natural
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
-from tgospa_eval.formats.registry import FORMATS
 
 ENDINGS = {
     ".csv": "csv",
@@ -181,7 +181,7 @@ TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.
 
 def _is_of_one_object(path: str) -> bool:
     """Whether a table has a header with times and places, and nothing that may be ids."""
-    from tgospa_eval.formats.columns.headers import HINTS, Headers  # lazy: for folders only
+    from tgospa_eval.formats.headers import HINTS, Headers  # lazy: for folders only
 
     lines = (line for line in _beginning(path).splitlines() if line.strip())
     fields = re.split(r"[,;\t]", next(lines, ""))

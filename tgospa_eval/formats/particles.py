@@ -6,8 +6,8 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.fields import BLANK
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import BLANK
 from tgospa_eval.text import option
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
 

@@ -11,11 +11,10 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural
-from tgospa_eval.formats.columns.headers import Roles
-from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.fields import Coded, Times
+from tgospa_eval.formats.roles import Roles
 from tgospa_eval.text import option, quoted
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.trajectories import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]
 """Distinct texts in natural order, and the number of each row's."""

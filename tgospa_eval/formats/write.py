@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.formats.columns.spread import entries
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import check_parquet
+from tgospa_eval.formats.spread import entries
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -25,7 +25,7 @@ cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
     return total
 
 
-# --- merging of runs: the twins are in problem.merging and problem.slots -------------------------
+# --- merging of runs: the twins are in problem.states ---------------------------------------------
 
 
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
@@ -103,7 +103,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
                 int estimates, bint transpose):
     """Pairs, nodes and blocks from the truth, the estimate and the step of each entry, in time.
 
-    The pair of each entry, then the fields of `problem.merging.PairGraph`, in their order;
+    The pair of each entry, then the fields of `problem.states.GRAPH`, in their order;
     `transpose` is that of `merge_runs`.
     """
     pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
@@ -312,7 +312,7 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
     return ordered, row_first
 
 
-# --- exact sums over slots: the twins are in problem.slots, with the same bits -------------------
+# --- exact sums over slots: the twins are in problem.states, with the same bits -------------------
 #
 # Sums over all slots may overflow, differences of them do not: they are computed without sign.
 

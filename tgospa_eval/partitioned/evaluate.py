@@ -13,7 +13,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.distances.checks import check_columns
+from tgospa_eval.distances.base import check_columns
 from tgospa_eval.engines import Engine, PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
@@ -23,15 +23,14 @@ from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_setti
 from tgospa_eval.evaluation.prove import make_result, nested_timings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
-from tgospa_eval.formats.columns.headers import ask
+from tgospa_eval.formats.headers import ask
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
-from tgospa_eval.partitioned.input.listing import changed_file, files_of, stored
+from tgospa_eval.partitioned.files import changed_file, files_of, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
-from tgospa_eval.partitioned.scan import Scanned, fitted
+from tgospa_eval.partitioned.scan import BlockPlan, Scanned, clock_of, find_steps, fitted
 from tgospa_eval.partitioned.shards import IGNORED_TRUTH
 from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
-from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import ROWS_AT_ONCE, write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
@@ -361,9 +360,7 @@ def _result(
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
             "steps": len(cut.times),
-            "candidate_pairs": found.shards.pairs,
-            "pair_steps": int(found.shards.entries.sum()),
-            "components": found.shards.components,
+            **found.sizes,
         },
         objects=(int(found.objects[0].sum()), int(found.objects[1].sum())),
         tables=tables,
@@ -470,7 +467,7 @@ def look(cut: BlockPlan, grid: Alignment) -> list[Notice]:
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(cut.rows, LOOKED_AT)
     piece = cut.piece(first, last + 1)
-    truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
+    truth, estimate = (reading.trajectories for reading in piece.read())
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # of their own stamps what is wrong with clocks is seen

@@ -1,5 +1,9 @@
-"""The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
+"""The line of a partitioned evaluation: scan, components, shuffle, solve, add up.
 
+Tracks of all blocks get global numbers, components, and with these a shard.
+"""
+
+import itertools
 import json
 import math
 import os
@@ -11,20 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.arrays import Floats, Ints, Mask, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import natural
 from tgospa_eval.engines import PersistentPool
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.partitioned.components import (
-    SHARD_ENTRIES,
-    Shards,
-    Tracks,
-    make_shards,
-    number_tracks,
-)
-from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
+from tgospa_eval.partitioned.scan import BESIDE, READ, BlockPlan, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     IGNORED_TRUTH,
     PARTS_OF_TRACKS,
@@ -32,19 +30,143 @@ from tgospa_eval.partitioned.shards import (
     solve_shard,
     sort_entries,
 )
-from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.readout import PerTrack, Unjudged
-from tgospa_eval.problem.solution import Bounds, Breakdown
+from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack, Unjudged
+from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.text import option
+
+SHARD_ENTRIES = 1_000_000
+"""Entries of a shard of many components: some seconds of work in some 300 MB. Of the data alone,
+so that results do not depend on the machine."""
+
+
+FEW_PAIRS = 1 << 20
+"""Pairs of blocks wait until they are so many: each batch of them is a pass over all tracks."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracks:
+    """The tracks of one side.
+
+    Parameters
+    ----------
+    ids : (k,) array of str
+        In the order in which reading one file numbers them.
+    rows, judged : (k,) int arrays
+        How many rows they have, and how many of these are judged.
+    numbers : tuple of int arrays
+        Of each block the numbers of its tracks.
+    """
+
+    ids: NDArray[np.str_]
+    rows: Ints
+    judged: Ints
+    numbers: tuple[Ints, ...]
+
+
+def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
+    """The tracks of a side over all blocks, in natural order of their ids."""
+    parts = [block.ids[side] for block in blocks]
+    ids, found = np.unique(np.concatenate(parts or [np.zeros(0, "U1")]), return_inverse=True)
+    order = _natural_order(ids)
+    rank = np.empty(len(order), np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    number = rank[found]
+    rows, unjudged = (
+        np.bincount(
+            number, np.concatenate(counts or [np.zeros(0, np.int64)]), minlength=len(ids)
+        ).astype(np.int64)
+        for counts in (
+            [block.rows[side] for block in blocks],
+            [block.unjudged_rows[side] for block in blocks],
+        )
+    )
+    ends = np.cumsum([0, *map(len, parts)]).tolist()
+    numbers = tuple(number[slice(*span)] for span in itertools.pairwise(ends))
+    return Tracks(ids=ids[order], rows=rows, judged=rows - unjudged, numbers=numbers)
+
+
+def _natural_order(ids: NDArray[np.str_]) -> Ints:
+    """Order of distinct ids, 2 before 10; plain numbers need no look at each."""
+    try:
+        numbers = ids.astype(np.int64)
+    except (ValueError, OverflowError):
+        numbers = np.zeros(0, np.int64)
+    if len(numbers) and (numbers >= 0).all() and (numbers.astype(np.str_) == ids).all():
+        return np.argsort(numbers)
+    texts = ids.tolist()
+    return np.array(sorted(range(len(texts)), key=lambda k: natural(texts[k])), np.int64)
+
+
+def make_shards(
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
+) -> tuple[Ints, Ints, dict[str, int]]:
+    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`.
+
+    Returns
+    -------
+    of_truth : (m,) int array
+        Shard of each truth, -1 for those without a near pair.
+    entries : (N,) int array
+        Entries of each shard.
+    sizes : dict of str to int
+        How many pairs, their steps and components there are in all, as a result has them.
+    """
+    m, n = len(truths.ids), len(estimates.ids)
+    several = [_in_several(side) for side in (truths, estimates)]
+    root: Ints = np.arange(m + n, dtype=np.int32)
+    by_truth = np.zeros(m, np.int64)
+    once, often = 0, np.zeros(0, np.int64)
+    near = _near_tracks(blocks, truths, estimates)
+    for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW_PAIRS):
+        truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
+        by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
+        # The root of a component is its least node, also of those made of components.
+        root = connected_components(root[truth], root[estimate + m], m + n)[root]
+        again = several[0][truth] & several[1][estimate]
+        once += len(again) - int(np.count_nonzero(again))
+        key = truth[again].astype(np.int64) * max(n, 1) + estimate[again]
+        often = np.unique(np.concatenate((often, key)))
+    paired = np.flatnonzero(by_truth)
+    _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
+    entries = np.bincount(component, by_truth[paired]).astype(np.int64)
+    group = (np.cumsum(entries) - entries) // SHARD_ENTRIES
+    _, shard = np.unique(group, return_inverse=True)
+    of_truth = np.full(m, -1, np.int32)
+    of_truth[paired] = shard.astype(np.int32)[component]
+    per_shard = np.bincount(shard, entries).astype(np.int64)
+    sizes = {
+        "candidate_pairs": once + len(often),
+        "pair_steps": int(per_shard.sum()),
+        "components": len(entries),
+    }
+    return of_truth, per_shard, sizes
+
+
+def _in_several(side: Tracks) -> Mask:
+    """Which tracks are in more than one block: only pairs of these may be as well."""
+    count = np.zeros(len(side.ids), np.int32)
+    for numbers in side.numbers:
+        count[numbers] += 1
+    return count > 1
+
+
+def _near_tracks(
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
+) -> Iterator[tuple[Ints, Ints, Ints]]:
+    """Truths, estimates and entries of the pairs of each block."""
+    for block, *numbers in zip(blocks, truths.numbers, estimates.numbers, strict=True):
+        pairs = block.pairs
+        yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
+
 
 # -------------------------------------------------------------------------------------------------
 # What the stages of a partitioned evaluation say of themselves while they go on.
@@ -302,8 +424,8 @@ class Evaluated:
         Those of truth and estimate.
     track_costs : pair of PerTrack
         What each of these contributes.
-    shards : Shards
-        How components were solved.
+    sizes : dict of str to int
+        How many near pairs, steps of these and components there are.
     folders : list of Path
         One for each shard, with the table of its switches.
     assigned : list of Path
@@ -323,7 +445,7 @@ class Evaluated:
     unjudged: Unjudged | None
     tracks: tuple[Tracks, Tracks]
     track_costs: tuple[PerTrack, ...]
-    shards: Shards
+    sizes: dict[str, int]
     folders: list[Path]
     assigned: list[Path]
     beside: dict[str, Arrays]
@@ -341,13 +463,13 @@ class MemoryTooSmallError(ConfigError):
     """The memory that is allowed is too small; work with another amount begins anew."""
 
 
-def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
+def check_memory(entries: int, memory: int, *, masked: bool) -> None:
     """Refuse components that a worker with so many bytes cannot hold.
 
     Parameters
     ----------
-    shards : Shards
-        What is to be solved.
+    entries : int
+        Of the largest shard.
     memory : int
         Bytes for each worker.
     masked : bool
@@ -358,7 +480,6 @@ def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
     MemoryTooSmallError
         One needs more; the message says how much.
     """
-    entries = int(shards.entries.max(initial=0))
     needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
     if entries > SHARD_ENTRIES and needed > memory:
         gigabytes = math.ceil(needed / 1e8) / 10
@@ -425,12 +546,13 @@ def evaluate_parts(
     parameters, span = cut.request.parameters, stages.stopwatch.span
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        shards = make_shards(blocks, truths, estimates)
-        check_memory(shards, memory, masked=cut.request.ignoring is not None)
-        folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
+        of_truth, entries, found = make_shards(blocks, truths, estimates)
+        largest = int(entries.max(initial=0))
+        check_memory(largest, memory, masked=cut.request.ignoring is not None)
+        folders = _shuffle(work, blocks, (truths, estimates), of_truth, len(entries), stages)
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
-        solved = _solve(cut.request, work, folders, shards, stages)
+        solved = _solve(cut.request, work, folders, entries, stages)
     stages.end()
     with span("certify"):
         sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
@@ -460,7 +582,7 @@ def evaluate_parts(
         unjudged=unjudged,
         tracks=(truths, estimates),
         track_costs=track_costs,
-        shards=shards,
+        sizes=found,
         folders=solved,
         assigned=assigned,
         beside=beside,
@@ -474,7 +596,8 @@ def _shuffle(
     work: Path,
     blocks: Sequence[Scanned],
     tracks: tuple[Tracks, Tracks],
-    shards: Shards,
+    of_truth: Ints,
+    shards: int,
     stages: Stages,
 ) -> tuple[str, ...]:
     tasks: dict[str, Task] = {
@@ -482,8 +605,8 @@ def _shuffle(
             sort_entries,
             scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
-            shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
-            shards=len(shards.entries),
+            shard_of_truth=of_truth[tracks[0].numbers[k]],
+            shards=shards,
         )
         for k, block in enumerate(blocks)
         if block.near
@@ -515,15 +638,15 @@ def _solve(
     request: EvaluationRequest,
     work: Path,
     folders: tuple[str, ...],
-    shards: Shards,
+    entries: Ints,
     stages: Stages,
 ) -> list[Path]:
     """Folders with what the shards contribute."""
     solver, parameters = request.solver, request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
-    solved = [work / "shards" / f"{number:06d}" for number in range(len(shards.entries))]
-    largest = np.argsort(-shards.entries, kind="stable").tolist()
+    solved = [work / "shards" / f"{number:06d}" for number in range(len(entries))]
+    largest = np.argsort(-entries, kind="stable").tolist()
     tasks: dict[str, Task] = {
         str(solved[k]): partial(
             solve_shard,
@@ -538,7 +661,7 @@ def _solve(
     stages.run(
         "solving",
         tasks,
-        shards.entries[largest].astype(float).tolist(),
+        entries[largest].astype(float).tolist(),
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     return solved

@@ -1,29 +1,237 @@
-"""A block of time: both sides read, near pairs found, objects counted."""
+"""Blocks of time: the steps of both sides, what is read for each, its near pairs and objects."""
 
+import itertools
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Ints, Mask
+from tgospa_eval.common.arrays import Ints, Mask, stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.distances import Pairs, Resources
-from tgospa_eval.evaluation.axis import Axis, Sides
-from tgospa_eval.evaluation.localisation import parts_of_distances
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.prepare import AlignedPair, NearPairs, fit
+from tgospa_eval.evaluation.prove import parts_of_distances
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
-from tgospa_eval.partitioned.steps import BlockPiece
+from tgospa_eval.partitioned.sides import PartsSide
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
+from tgospa_eval.text import option
+from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.coverage import row_sums
+from tgospa_eval.tracks.interpolation import found_at
 from tgospa_eval.tracks.trajectories import Trajectories
+
+
+def read_times(side: PartsSide, span: slice) -> Reading:
+    """The rows at some of the times of a side, which may be none."""
+    times = side.times[span]
+    return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
+
+
+def places(times: Times, first: float, last: float) -> slice:
+    """Where times from one to another are, both included."""
+    begin = int(np.searchsorted(times, first, side="left"))
+    return slice(begin, int(np.searchsorted(times, last, side="right")))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockPiece:
+    """Some steps, and what is read for them.
+
+    Parameters
+    ----------
+    low : int
+        The number of the first step.
+    times : (L,) array
+        The steps; there may be none.
+    sides : pair of PartsSide
+        Truth and estimate.
+    spans : pair of slice
+        Which of their times are read.
+    step : pair of int arrays
+        Which step of the block each of these is, -1 for none.
+    """
+
+    low: int
+    times: Times
+    sides: tuple[PartsSide, PartsSide]
+    spans: tuple[slice, ...]
+    step: tuple[Ints, ...]
+
+    def read(self) -> tuple[Reading, Reading]:
+        """The rows of truth and estimate."""
+        first, second = map(read_times, self.sides, self.spans)
+        return first, second
+
+    def at(self, which: int, found: Trajectories) -> tuple[Trajectories, int]:
+        """The rows of a side that are at steps, and how many they are."""
+        step = self.step[which]
+        on = step >= 0
+        place, there = found_at(found.times, self.sides[which].times[self.spans[which]][on])
+        rows = np.flatnonzero(there[found.step])
+        step = step[on][place[found.step[rows]]]
+        return found.chosen(rows, step, self.times), len(rows)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockPlan:
+    """The rows of both sides along the steps.
+
+    Parameters
+    ----------
+    times : (T,) array
+        The steps.
+    sides : pair of PartsSide
+        Truth and estimate.
+    step : pair of int arrays
+        Which step each of their times is, -1 for none.
+    request : EvaluationRequest
+        What is asked.
+    names : pair of str
+        The sides, for messages.
+    """
+
+    times: Times
+    sides: tuple[PartsSide, PartsSide]
+    step: tuple[Ints, Ints]
+    request: EvaluationRequest
+    names: tuple[str, str]
+
+    @cached_property
+    def rows(self) -> Ints:
+        """Rows of both at each step (T,), those between it and the next as well."""
+        rows = np.zeros(len(self.times), np.int64)
+        if len(rows):
+            for side, moments in zip(self.sides, self.moments, strict=True):
+                inside = places(moments, self.times[0], self.times[-1])
+                at = np.searchsorted(self.times, moments[inside], side="right") - 1
+                np.add.at(rows, at, side.counts[inside])
+        return rows
+
+    @cached_property
+    def moments(self) -> tuple[Times, ...]:
+        """Times of both, each in the order in which they and the steps are."""
+        found = []
+        for side, step in zip(self.sides, self.step, strict=True):
+            moments = side.times.astype(np.result_type(side.times, self.times))
+            moments[step >= 0] = self.times[step[step >= 0]]
+            found.append(moments)
+        return tuple(found)
+
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
+        """All steps, and all stamps of either side, in pieces of about so many rows."""
+        moments = np.unique(np.concatenate((*self.moments, self.times)))
+        rows = np.zeros(len(moments), np.int64)
+        for side, own in zip(self.sides, self.moments, strict=True):
+            rows[np.searchsorted(moments, own)] += side.counts
+        for begin, end in itertools.pairwise(stretches(rows, most).tolist()):
+            yield self._between(moments[begin].item(), moments[end - 1].item())
+
+    def piece(self, low: int, high: int) -> BlockPiece:
+        """What is read for these steps."""
+        return self._between(self.times[low].item(), self.times[high - 1].item())
+
+    def _between(self, first: float, last: float) -> BlockPiece:
+        steps = places(self.times, first, last)
+        spans = tuple(places(moments, first, last) for moments in self.moments)
+        return BlockPiece(
+            low=steps.start,
+            times=self.times[steps],
+            sides=self.sides,
+            spans=spans,
+            step=tuple(
+                np.where(step[span] >= 0, step[span] - steps.start, -1)
+                for step, span in zip(self.step, spans, strict=True)
+            ),
+        )
+
+
+# -------------------------------------------------------------------------------------------------
+# The steps of both sides, from their stamps alone.
+
+STAMP = "stamp"
+"""The attribute of stamps that are rows: their numbers."""
+
+
+def find_steps(
+    sides: tuple[PartsSide, PartsSide],
+    clocks: Sides,
+    request: EvaluationRequest,
+    names: tuple[str, str],
+) -> tuple[Axis, Alignment, BlockPlan]:
+    """How the stamps of both sides came to the steps, the same aligned, and the rows along them.
+
+    Parameters
+    ----------
+    sides : pair of PartsSide
+        Truth and estimate.
+    clocks : pair of Trajectories
+        What `clock_of` makes of them.
+    request : EvaluationRequest
+        What is asked.
+    names : pair of str
+        The sides, for messages.
+
+    Raises
+    ------
+    TgospaError
+        There is none, or something is wrong with the data.
+    """
+    matching = request.time_matching
+    axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
+    if matching.of_estimate and matching.outage != "none":
+        raise ConfigError(
+            f"{option('grid', matching.grid)}: what a tracker misses while it is silent is not "
+            f"known for data in parts; {option('grid', 'truth')}, or {option('outage', 'none')} "
+            "if it reports only what it sees"
+        )
+    grid = align(*axis.sides, matching, names)
+    if matching.of_estimate:
+        axis = replace(axis, horizon=grid.truth)
+    if grid.union and not len(grid.truth.times):
+        raise ConfigError(
+            f"{option('grid', matching.grid)}: no step is left, none of {grid.union:,} counts"
+        )
+    step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
+    sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
+    plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)
+    return axis, grid, plan
+
+
+def clock_of(side: PartsSide) -> Trajectories:
+    """The stamps of a side as a track that has a row at each, and nothing else."""
+    size = len(side.times)
+    return Trajectories(
+        step=np.arange(size, dtype=np.int32),
+        track=np.zeros(size, np.int32),
+        state=np.zeros((size, len(side.columns))),
+        ids=np.array(["times"], dtype=object),
+        times=side.times,
+        columns=side.columns,
+        clock=side.clock,
+        labels=side.labels,
+        attributes={STAMP: np.arange(size, dtype=np.float64)},
+    )
+
+
+def _step_of(side: PartsSide, on: Trajectories) -> Ints:
+    """Which step each stamp of a side is, from what `clock_of` became."""
+    step = np.full(len(side.times), -1)
+    if len(on.step):
+        step[on.attributes[STAMP].astype(np.int64)] = on.step
+    return step
+
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
@@ -33,9 +241,7 @@ def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
     """Both sides of a block on its steps, and how many of their rows are there."""
-    truth, estimate = (
-        stretch.at(side, piece.times) for stretch, side in zip(piece.stretches, sides, strict=True)
-    )
+    truth, estimate = (piece.at(which, side) for which, side in enumerate(sides))
     axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
     return fit(*sides, request, names, lambda _: axis), (truth[1], estimate[1])
 
@@ -138,7 +344,7 @@ def scan(
     TgospaError
         Something is wrong with the data.
     """
-    readings = [stretch.read() for stretch in piece.stretches]
+    readings = piece.read()
     sides = readings[0].trajectories, readings[1].trajectories
     on_steps, own = fitted(piece, sides, request, names)
     with writing_folder(output) as folder:

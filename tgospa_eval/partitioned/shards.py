@@ -14,12 +14,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, ignore_states
 from tgospa_eval.problem.problem import Objects, Problem
-from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
-from tgospa_eval.problem.solution import Breakdown
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.solution import Breakdown, read_assigned, read_switches, read_tracks
+from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.solvers.certified import Certified
 
 ENTRY = np.dtype(
@@ -79,7 +77,7 @@ class PartialSums(Breakdown):
 
 
 PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
-"""What is known of each track, as `problem.readout.PerTrack` has it."""
+"""What is known of each track, as `problem.solution.PerTrack` has it."""
 
 
 def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
@@ -133,7 +131,7 @@ ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
 SWITCHED = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
 )
-"""As `problem.readout.Switches`."""
+"""As `problem.solution.Switches`."""
 
 
 NO_TIME = 1e-3

@@ -30,13 +30,21 @@ from tgospa_eval.formats.assemble import (
     rules_said,
     said_of,
 )
-from tgospa_eval.formats.columns.headers import Roles
+from tgospa_eval.formats.fields import Times
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.listing import File, files_of, state_of
-from tgospa_eval.partitioned.input.runs import (
+from tgospa_eval.partitioned.files import (
+    File,
+    FilePiece,
+    files_of,
+    open_table,
+    read_head,
+    size_of,
+    state_of,
+)
+from tgospa_eval.partitioned.runs import (
     Moments,
     merged_moments,
     merged_rows,
@@ -45,10 +53,9 @@ from tgospa_eval.partitioned.input.runs import (
     run_rows,
     write_runs,
 )
-from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.text import listed, option
-from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
@@ -69,7 +76,7 @@ def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
     InputError
         It is damaged, or lacks columns.
     """
-    return read_head(file, options).roles if format == "csv" else open_table(file, options)[2]
+    return read_head(file, options)[1] if format == "csv" else open_table(file, options)[2]
 
 
 def index_side(
@@ -172,10 +179,10 @@ def text_pieces(
     pieces = []
     first = side_roles("csv", files[0], options)
     for file in files:
-        head = read_head(file, options)
-        check_alike(head.roles, first, file, files[0])
+        _, roles, _, packed = read_head(file, options)
+        check_alike(roles, first, file, files[0])
         whole = size_of(file)
-        if head.packed:
+        if packed:
             piece = FilePiece(file=file, begin=0, end=size, text=True)
             pieces.append((piece, PACKED_TO * whole // BYTES_OF_LINE))
             continue

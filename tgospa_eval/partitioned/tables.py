@@ -25,7 +25,7 @@ from tgospa_eval.partitioned.scan import BESIDE, Scanned
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, IGNORED_TRUTH, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.readout import AssignedPairs, PerTrack
+from tgospa_eval.problem.solution import AssignedPairs, PerTrack
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_columns, nees_sums
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 from tgospa_eval.results.records import Arrays, Costs, step_columns, track_columns

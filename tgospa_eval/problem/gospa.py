@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
@@ -24,36 +23,20 @@ Switched = tuple[Floats, Floats]
 """Switches into each step, (T,), and how many of them are halves: from or to "none"."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PerStep:
-    """The cheapest assignment of each step, in units of c^p.
-
-    Parameters
-    ----------
-    entries : int array
-        Entries of the problem that are assigned.
-    localisation, missed, false : (T,) float arrays
-        Costs of each step.
-    """
-
-    entries: Ints
-    localisation: Floats
-    missed: Floats
-    false: Floats
-
-    @property
-    def total(self) -> Floats:
-        """GOSPA of each step to the power p, (T,)."""
-        return self.localisation + self.missed + self.false
-
-
-def per_step_gospa(problem: Problem) -> PerStep:
+def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
     """GOSPA (alpha = 2) of each step, exactly.
 
     GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
     c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
     Objects of a step that are joined by near pairs are assigned together, others apart. Among
     assignments of equal cost that of SciPy is taken, with the objects in the order of their rows.
+
+    Returns
+    -------
+    entries : int array
+        Entries of the problem that are assigned.
+    localisation, missed, false : (T,) float arrays
+        Costs of each step, in units of c^p.
     """
     entries = np.sort(np.concatenate([np.zeros(0, np.int64), *_cheapest(problem)]))
     free = []
@@ -61,12 +44,8 @@ def per_step_gospa(problem: Problem) -> PerStep:
         price = side.price.copy()
         price[side.row[entries]] = 0.0
         free.append(sum_by(side.step, price, problem.steps))
-    return PerStep(
-        entries=entries,
-        localisation=sum_by(problem.entry_step[entries], problem.cost[entries], problem.steps),
-        missed=free[0],
-        false=free[1],
-    )
+    localisation = sum_by(problem.entry_step[entries], problem.cost[entries], problem.steps)
+    return entries, localisation, free[0], free[1]
 
 
 def _cheapest(problem: Problem) -> Iterator[Ints]:

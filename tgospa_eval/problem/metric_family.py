@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Problem
@@ -259,9 +259,8 @@ SMALLEST_COST = 1e-300
 """Weighted costs below this, near the end of the doubles, count as this much."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StepWeights:
-    """What each step counts: the time-weighted metric (arXiv 2110.13444).
+def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
+    """What each step counts, as it is: the time-weighted metric (arXiv 2110.13444).
 
     Parameters
     ----------
@@ -275,34 +274,29 @@ class StepWeights:
     ConfigError
         A weight is negative, not finite, too large or too small, or all are zero.
     """
-
-    cost: Floats
-    switch: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self)
-        for weights in (self.cost, self.switch):
-            fine = (weights == 0) | ((weights >= SMALLEST_WEIGHT) & (weights <= LARGEST_WEIGHT))
-            if not fine.all():
-                raise ConfigError(
-                    f"a weight of a step is {weights[~fine][0]:g}: must be 0 or from "
-                    f"{SMALLEST_WEIGHT:g} to {LARGEST_WEIGHT:g}"
-                )
-        if len(self.cost) and not self.cost.any():
-            raise ConfigError("all weights of steps are 0: nothing would count")
+    for weights in (cost, switch):
+        fine = (weights == 0) | ((weights >= SMALLEST_WEIGHT) & (weights <= LARGEST_WEIGHT))
+        if not fine.all():
+            raise ConfigError(
+                f"a weight of a step is {weights[~fine][0]:g}: must be 0 or from "
+                f"{SMALLEST_WEIGHT:g} to {LARGEST_WEIGHT:g}"
+            )
+    if len(cost) and not cost.any():
+        raise ConfigError("all weights of steps are 0: nothing would count")
+    return cost, switch
 
 
-def weight_steps(problem: Problem, weights: StepWeights) -> Problem:
+def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
     """``A w(k), B w(k), D w(k), lambda w'(k)``: the same problem with its steps weighted.
 
     Pairs at steps of weight 0 have no gain and are left out.
     """
-    factor = weights.cost[problem.entry_step]
+    factor = cost[problem.entry_step]
     if problem.pair_share is not None:
         problem = replace(problem, pair_share=problem.pair_share * factor)
-    switch: Floats = problem.switch_price * weights.switch
+    switch = problem.switch_price * switch
     same = bool(len(switch)) and bool((switch == switch[0]).all())  # runs of steps stay one state
-    largest = float(weights.cost.max(initial=0.0))
+    largest = float(cost.max(initial=0.0))
     return _repriced(
         replace(
             problem,
@@ -310,8 +304,8 @@ def weight_steps(problem: Problem, weights: StepWeights) -> Problem:
             cost_slack=problem.cost_slack * largest,
             rounding=problem.rounding * largest,
         ),
-        problem.truth_price * weights.cost[problem.truth_step],
-        problem.estimate_price * weights.cost[problem.estimate_step],
+        problem.truth_price * cost[problem.truth_step],
+        problem.estimate_price * cost[problem.estimate_step],
         problem.cost * factor,
     )
 

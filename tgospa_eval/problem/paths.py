@@ -9,11 +9,9 @@ import itertools
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import sum_parts
-from tgospa_eval.problem.slots import Slots
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import Slots, States
 
 SUMMANDS = 1024
 """Terms of a sum whose rounding is bounded together."""
@@ -151,8 +149,7 @@ def row_steps(states: States) -> Slots:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Turns:
+def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """The states in the order of a Viterbi pass over all rows at once.
 
     A turn takes the states that begin at the same step of their rows, counted in steps at which any
@@ -160,6 +157,13 @@ class Turns:
 
     Parameters
     ----------
+    states : States
+        All of them.
+    steps : Slots, optional
+        Those of `row_steps`, if they are known.
+
+    Returns
+    -------
     bounds : list of int
         Where the states of each turn begin in the order, and the end.
     order : (S,) int array
@@ -167,20 +171,11 @@ class Turns:
     pair, row : (S,) int arrays
         Pair and row of each, in that order.
     """
-
-    bounds: list[int]
-    order: Ints
-    pair: Ints
-    row: Ints
-
-
-def turns(states: States, steps: Slots | None = None) -> Turns:
-    """The turns of all states; `steps` are those of `row_steps` if they are known."""
     steps = steps or row_steps(states)
     size = np.diff(states.pair_first)
     order, bounds = _ranked(steps.begin - np.repeat(steps.first[states.pair_row], size))
     pair = np.repeat(np.arange(len(size)), size)[order]
-    return Turns(bounds=bounds, order=order, pair=pair, row=states.pair_row.astype(np.intp)[pair])
+    return bounds, order, pair, states.pair_row.astype(np.intp)[pair]
 
 
 def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
@@ -220,8 +215,8 @@ def best_values(
 
 def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | None) -> Floats:
     """`best_values` without kernels."""
-    turn = turns(states, steps)
-    value = value[turn.order]
+    bounds, order, pairs, rows = turns(states, steps)
+    value = value[order]
     count = np.diff(steps.first)
     at, lost = _ranked(np.arange(count.sum()) - np.repeat(steps.first[:-1], count))
     row_lost = np.repeat(np.arange(states.nodes), count)[at]
@@ -233,12 +228,12 @@ def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | 
     varies, switch_price = price.ndim > 0, states.problem.switch_price_at
     next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call
     for (low, high), (first, last) in zip(
-        itertools.pairwise(turn.bounds), itertools.pairwise(lost), strict=True
+        itertools.pairwise(bounds), itertools.pairwise(lost), strict=True
     ):
-        pair, row = turn.pair[low:high], turn.row[low:high]
+        pair, row = pairs[low:high], rows[low:high]
         reached = current[pair]
         if varies:
-            price = switch_price[states.begin[turn.order[low:high]]]
+            price = switch_price[states.begin[order[low:high]]]
         left = reached - price
         np.maximum.at(unassigned_value, row, next_double(left, top, left))
         enter = unassigned_value[row]

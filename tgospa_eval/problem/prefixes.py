@@ -13,8 +13,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.paths import down, up
 from tgospa_eval.problem.problem import Problem, sum_by
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.problem.states import ONE, States, changes
 
 Offsets = tuple[Ints, Ints, Ints, Floats, Floats]
 """What `offsets` returns."""

@@ -1,14 +1,17 @@
-"""What solvers propose and what is proven of it: solutions, bounds, breakdowns, brackets."""
+"""What solvers propose, what is proven of it, and an assignment as records of numbers."""
 
+from collections.abc import Sequence
 from dataclasses import field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Status
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.problem import sum_by
+from tgospa_eval.problem.states import ONE, States, assigned, changes, spare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +72,7 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `problem.smaller_cutoff`.
+        The problem of these blocks at the smaller cutoff, from `problem.certificate`.
     blocks : (B,) bool array
         Which blocks of the whole they are.
     scale : float
@@ -179,3 +182,201 @@ class Windows(Brackets):
     last: Ints
     size: str = ""
     every: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AssignedPairs:
+    """Pairs that both exist, are nearer than the cutoff, and are assigned, by (step, truth).
+
+    Parameters
+    ----------
+    step, truth, estimate, entry : (N,) int arrays
+        When and who, and the entry of the problem.
+    weight : (N,) float array
+        How much of it.
+    """
+
+    step: Ints
+    truth: Ints
+    estimate: Ints
+    entry: Ints
+    weight: Floats
+
+    @classmethod
+    def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
+        """Of rows with such columns, each its own entry."""
+        columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
+        return cls(**columns, entry=np.arange(len(rows)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unjudged:
+    """States that are not judged, by step (T,).
+
+    Parameters
+    ----------
+    ignored, excused : int arrays
+        Ignored truths and excused estimates.
+    absorbed : float array
+        Estimates that follow an ignored truth, by their weights.
+    """
+
+    ignored: Ints
+    excused: Ints
+    absorbed: Floats
+
+    @classmethod
+    def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
+        """Those of several evaluations of the same steps; None of none."""
+        if not several:
+            return None
+        return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
+
+    @property
+    def totals(self) -> dict[str, float]:
+        """Of all steps, by the names of the JSON."""
+        return {
+            "truth_states": int(self.ignored.sum()),
+            "absorbed": float(self.absorbed.sum()),
+            "excused": int(self.excused.sum()),
+        }
+
+
+def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
+    """What is not judged, if anything is, of a feasible assignment (S,)."""
+    problem = states.problem
+    if problem.unjudged is None:
+        return None
+    used, entry, weight = assigned(states, weights)
+    ignored, excused = (
+        np.bincount(side.step[mask], minlength=problem.steps)
+        for side, mask in zip(problem.sides, problem.unjudged, strict=True)
+    )
+    absorbed = problem.unjudged[0][problem.truth_row[entry]]
+    at = states.begin[used[absorbed]]
+    return Unjudged(
+        ignored=ignored,
+        excused=excused,
+        absorbed=sum_by(at, weight[absorbed] / ONE, problem.steps),
+    )
+
+
+def judged_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
+    """Rows of either side that other metrics count, by a feasible assignment (S,).
+
+    Without ignored truths, the estimates that mostly follow one, and excused estimates that follow
+    no truth.
+    """
+    problem = states.problem
+    truths, estimates = problem.sides
+    assert truths.unjudged is not None
+    assert estimates.unjudged is not None
+    _, entry, weight = assigned(states, weights)
+    ignored = truths.unjudged[truths.row[entry]]
+    follows, judged = (
+        2 * sum_by(estimates.row[entry[of]], weight[of].astype(float), len(estimates.step)) >= ONE
+        for of in (ignored, ~ignored)
+    )
+    return ~truths.unjudged, ~follows & (judged | ~estimates.unjudged)
+
+
+def read_assigned(states: States, weights: Ints) -> AssignedPairs:
+    """Of a feasible assignment (S,), in units of 1/ONE."""
+    used, entry, weight = assigned(states, weights)
+    order = np.argsort(entry, kind="stable")  # by step, truth, estimate
+    used, pair = used[order], states.pair[used[order]]
+    return AssignedPairs(
+        step=states.begin[used],
+        truth=states.pair_truth[pair],
+        estimate=states.pair_estimate[pair],
+        entry=entry[order],
+        weight=weight[order] / ONE,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Switches:
+    """Changes of the assignment of each truth, by (step, truth).
+
+    Parameters
+    ----------
+    step, truth : (N,) int arrays
+        When and whose.
+    before, after : (N,) int arrays
+        The estimates with the largest loss and the largest gain, -1 where there is none.
+    variation : (N,) float array
+        Total variation, twice the number of switches.
+    """
+
+    step: Ints
+    truth: Ints
+    before: Ints
+    after: Ints
+    variation: Floats
+
+
+def read_switches(states: States, weights: Ints) -> Switches:
+    """Of a feasible assignment (S,), in units of 1/ONE."""
+    state, amount = changes(states, weights)
+    rises = weights[state] > weights[state - 1]
+    pair = states.pair[state]
+    step, truth = states.begin[state], states.pair_truth[pair]
+    order = np.lexsort((-amount, truth, step))
+    opens = np.ones(len(order), bool)
+    opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
+    first = np.flatnonzero(opens)
+
+    def largest(chosen: Mask) -> Ints:
+        """Of each group the estimate of its first change that is chosen."""
+        place = np.where(chosen[order], np.arange(len(order)), len(order))
+        track = np.append(states.pair_estimate[pair[order]], -1)
+        found: Ints = track[np.minimum.reduceat(place, first)]
+        return found
+
+    return Switches(
+        step=step[order[first]],
+        truth=truth[order[first]],
+        before=largest(~rises),
+        after=largest(rises),
+        variation=np.add.reduceat(amount[order], first),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerTrack:
+    """What each trajectory of a side contributes, in units of c^p.
+
+    Parameters
+    ----------
+    localisation, unassigned, switch : (k,) float arrays
+        Costs: of errors, of steps at which it is missed, or false, and of its switches.
+    unassigned_count, switch_count : (k,) float arrays
+        Such steps, and switches.
+    """
+
+    localisation: Floats
+    unassigned: Floats
+    switch: Floats
+    unassigned_count: Floats
+    switch_count: Floats
+
+
+def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
+    """Of a feasible assignment (S,), in units of 1/ONE; side 0 are the truths, 1 the estimates."""
+    problem = states.problem
+    objects, pair_track = problem.sides[side], states.pair_tracks[side]
+    used, entry, weight = assigned(states, weights)
+    free = spare(objects, entry, weight)
+    changed, amount = changes(states, weights)
+
+    def total(index: Ints, value: Floats) -> Floats:
+        return sum_by(index, value, objects.count)
+
+    at = pair_track[states.pair[changed]]
+    return PerTrack(
+        localisation=total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
+        unassigned=total(objects.track, free / ONE * objects.price),
+        switch=total(at, amount * problem.switch_price_at[states.begin[changed]]),
+        unassigned_count=total(objects.track, free / ONE),
+        switch_count=0.5 * total(at, amount),
+    )

@@ -4,18 +4,192 @@ A *state* is a pair of trajectories over a stretch of steps on which its assignm
 constant: one step with a gain, or a maximal run of steps without (docs/theory/reductions.md, "Run
 merging"). Their number grows with the gains, not with pairs x steps. Blocks (connected components
 of the pair graph, each in its own window of time) share nothing and are contiguous in every array.
+
+Slots are stretches of steps of a node on which the states that compete for it do not change; the
+assignment over one sums to at most 1. Weights of states are integers, which makes them feasible.
+`merge_runs` leads from a problem to its states: pairs, components, windows, runs, slots.
 """
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import check_size
 from tgospa_eval.kernels import kernels
-from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.slots import Slots, make_slots
+from tgospa_eval.problem.problem import Objects, Problem, sum_parts
+
+PART = 1 << 19
+"""States that are looked at together where arrays as long as all states would be too much."""
+
+CROWD, FULL_SUM = 4000, 1 << 61
+"""More pairs of a node than this may sum to more than FULL_SUM, where weights are below 2^50."""
+
+
+def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
+    """``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
+
+    Part i begins at first[i]. Differences of the sums of integers are exact, even where the sum
+    over all parts overflows, and a small sum never loses its digits to large values far away. With
+    `floor` values never become larger (docs/theory/certificate.md, "Rounding").
+    """
+    size = sum_parts(np.abs(value), first)
+    unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
+    if kernels:
+        sums: Ints = kernels.whole_sums(value, first, unit, floor)
+        return unit, sums
+    rounded = np.floor if floor else np.rint
+    whole = rounded(value / np.repeat(unit, np.diff(first))).astype(np.int64)
+    return unit, np.concatenate(([0], np.cumsum(whole)))
+
+
+def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
+    """Whether the weight of each state differs from that of the state before of its pair."""
+    differs = np.zeros(len(weight), bool)
+    np.not_equal(weight[1:], weight[:-1], out=differs[1:])
+    differs[pair_first[:-1]] = False
+    return differs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Slots:
+    """The capacity constraints on one side, rows or columns.
+
+    Nodes with one pair have none: the bound of the other side implies it. A state covers the slots
+    from its own first to the one before the first of the next state of its pair.
+
+    Parameters
+    ----------
+    first : (nodes + 1,) int array
+        First slot of each node; its slots follow in time.
+    step : (K,) int array
+        First step of each slot.
+    begin : (S,) int array
+        First slot of each state.
+    pair_first, pair_node : (P + 1,), (P,) int arrays
+        First state and node of each pair.
+    """
+
+    first: Ints
+    step: Ints
+    begin: Ints
+    pair_first: Ints
+    pair_node: Ints
+
+    @property
+    def node(self) -> Ints:
+        """Node of each slot, (K,)."""
+        return np.repeat(np.arange(len(self.first) - 1, dtype=np.int32), np.diff(self.first))
+
+    @property
+    def end(self) -> Ints:
+        """The slot after the last of each state, (S,)."""
+        end = np.empty_like(self.begin)
+        end[:-1] = self.begin[1:]
+        end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
+        return end
+
+    def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
+        """Which states, or which of the chosen ones, cover a slot that is marked (K,)."""
+        before = np.zeros(len(marked) + 1, np.int32)
+        np.cumsum(marked, out=before[1:])
+        begin, end = self.begin, self.end
+        if chosen is not None:
+            begin, end = begin[chosen], end[chosen]
+        touching: Mask = before[end] > before[begin]
+        return touching
+
+    def sums(self, weight: Ints) -> Ints:
+        """Exact sum of the integer weights (S,) of the states over each slot, (K,).
+
+        Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
+        up to FULL_SUM, and FULL_SUM above that.
+        """
+        if len(self.pair_node) > CROWD and int(np.bincount(self.pair_node).max()) > CROWD:
+            sums = self._sums(weight)
+            coarse = self._sums(weight >> 20)
+            return np.where(coarse >= FULL_SUM >> 20, FULL_SUM, sums)
+        return self._sums(weight)
+
+    def _sums(self, weight: Ints) -> Ints:
+        if kernels:
+            found: Ints = kernels.slot_sums(
+                self.first, self.begin, self.pair_first, self.pair_node, weight
+            )
+            return found
+        return self._accumulate(weight)
+
+    def loads(self, weight: Floats | Mask) -> Floats:
+        """`sums` of weights that need not be whole; of booleans, how many are true."""
+        weight = weight.astype(np.float64, copy=False)
+        if kernels:
+            found: Floats = kernels.slot_loads(
+                self.first, self.begin, self.pair_first, self.pair_node, weight
+            )
+            return found
+        return self._accumulate(weight)
+
+    def _accumulate(self, weight: NDArray[Any]) -> NDArray[Any]:
+        """`sums` and `loads` without kernels."""
+        total = np.zeros(len(self.step) + 1, weight.dtype)
+        used = np.flatnonzero(weight)
+        np.add.at(total, self.begin[used], weight[used])
+        np.subtract.at(total, self.end[used], weight[used])
+        return np.cumsum(total, out=total)[:-1]
+
+    def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
+        """`exact_running` of prices (K,), node by node."""
+        return exact_running(price, self.first, floor=floor)
+
+    def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
+        """Sum of the prices (K,) over the slots of each state, or of the chosen ones."""
+        return self.spans(self.running(price, floor=floor), chosen, floor=floor)
+
+    def spans(
+        self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
+    ) -> Floats:
+        """`totals` where the running sums are known; with `floor` no sum is too large."""
+        unit, sums = running
+        if kernels:
+            total: Floats = kernels.spans(
+                self.first, self.begin, self.pair_first, self.pair_node, unit, sums, floor
+            )
+            return total if chosen is None else total[chosen]
+        begin, end = self.begin, self.end
+        total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
+        if chosen is not None:
+            begin, end, total = begin[chosen], end[chosen], total[chosen]
+        total *= sums[end] - sums[begin]
+        return np.nextafter(total, 0.0) if floor else total
+
+
+def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int) -> Slots:
+    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair."""
+    shared = np.bincount(pair_node, minlength=nodes) > 1
+    if kernels:
+        first, step, slot = kernels.slots(
+            kernels.in_time(begin, steps), begin, pair_first, pair_node, shared.view(np.uint8)
+        )
+        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+    in_time = np.argsort(begin, kind="stable")
+    node = np.repeat(pair_node, np.diff(pair_first))[in_time]
+    known = shared[node]
+    order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
+    chosen, node = in_time[order], node[order]
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = (np.diff(node) != 0) | (np.diff(begin[chosen]) != 0)
+    step = begin[chosen[fresh]]
+    first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
+    slot = np.repeat(first[pair_node], np.diff(pair_first))
+    slot[chosen] = np.cumsum(fresh) - 1
+    return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+
 
 SMALL = 1 << 16
 """States of a problem that keeps its `rows`, whoever asked for them."""
@@ -238,3 +412,252 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
     _, label = labelled(coo_array((np.ones(len(a), bool), (a, b)), shape=(nodes, nodes)), False)
     smallest: Ints = np.unique(label, return_index=True)[1]
     return smallest[label]
+
+
+ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
+"""The integer that stands for the weight 1: multiples of 1/2 to 1/18 are exact. Near 2^50, so that
+sums of some thousand weights fit, and doubles hold each (docs/theory/certificate.md, "Repair")."""
+
+STATES_A_STEP = 32
+"""States of a part for each step that it lasts: fewer cost no more than the call of a function."""
+
+SNAP_WHOLE = ONE * 1e-9
+"""Weights this near to 0 or 1 are meant to be 0 or 1."""
+
+
+def repair(states: States, weights: Floats) -> Ints:
+    """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    whole = np.empty(len(weights), np.int64)
+    whole_weights(weights, whole)
+    make_feasible(states, whole)
+    return whole
+
+
+def whole_weights(weights: Floats, whole: Ints) -> None:
+    """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
+    fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
+    fixed *= ONE
+    fixed[fixed < SNAP_WHOLE] = 0
+    fixed[fixed > ONE - SNAP_WHOLE] = ONE
+    whole[:] = np.rint(fixed)
+
+
+def make_feasible(states: States, weights: Ints) -> Ints:
+    """Scale the weights where a slot is too full, in place; their sums over the column slots."""
+    for part, own in row_parts(states):
+        _fit(part.rows, weights[own])
+    return _fit(states.columns, weights)
+
+
+def _fit(slots: Slots, weights: Ints) -> Ints:
+    """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
+    sums = slots.sums(weights)
+    while sums.max(initial=0) > ONE:
+        _scale(slots, weights, sums)
+        sums = slots.sums(weights)
+    return sums
+
+
+def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
+    full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
+    np.cumsum(sums > ONE, out=full[1:])
+    sums = np.append(sums, 0)
+    begin, end = slots.begin, slots.end
+    over = np.flatnonzero((full[end] > full[begin]) & (weights > 0))
+    over = over[np.argsort(begin[over], kind="stable")]
+    bounds = np.stack((begin[over], end[over]), axis=1).ravel()
+    fullest = np.maximum.reduceat(sums, bounds)[::2]
+    # Rounded down by more than the product can be rounded up.
+    factor = ONE / fullest * (1 - 2.0**-48)
+    weights[over] = np.floor(weights[over] * factor)
+
+
+def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
+    """The states in parts of whole rows, about PART states each, and where they are.
+
+    Rows do not depend on each other once prices are given. Nodes and column slots keep their
+    numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
+    """
+    size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
+    if 0 < len(states.begin) <= size:
+        yield states, slice(None)
+        return
+    opens = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # first pair of each row
+    part = states.pair_first[opens] // size
+    bounds = [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(states.pair_row)]
+    yield from map(states.of_pairs, itertools.starmap(slice, itertools.pairwise(bounds)))
+
+
+def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
+    """States with a near pair that is assigned, their entries, and how much of each."""
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    return used, states.entry[used], weights[used]
+
+
+def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
+    """States whose weight differs from that of the state before, and by how much, as a fraction."""
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
+
+
+def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
+    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE.
+
+    0 of rows that are not judged.
+    """
+    free = np.full(len(side.step), ONE)
+    np.subtract.at(free, side.row[entry], weight)
+    if side.unjudged is not None:
+        free[side.unjudged] = 0
+    return free
+
+
+def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
+    """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
+
+    Pairs that never gain are gone; components are apart; steps before the first and after the last
+    gain of a component are gone; runs without gain are one state each, border runs included. With
+    time-varying switch prices a run stays one state a step.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is reduced.
+    transpose : bool
+        Whether the rows of blocks with a single estimate are estimates; else rows are truths.
+
+    Raises
+    ------
+    InputError
+        There is more of something than 32-bit indices can number.
+    """
+    for what, count in (
+        ("steps", problem.steps),
+        ("trajectories", problem.truths + problem.estimates),
+        ("rows of truths", len(problem.truth_step)),
+        ("rows of estimates", len(problem.estimate_step)),
+        ("near pairs", len(problem.cost)),
+    ):
+        check_size(what, count)
+    entry_step = problem.entry_step
+    pair_of, graph = _pair_graph(problem, entry_step, transpose)
+    pair_first, begin, entry = split_pairs(
+        pair_of,
+        entry_step,
+        *(graph[end][graph["pair_block"]] for end in ("block_begin", "block_end")),
+        single=not isinstance(problem.switch_price, float),
+    )
+    del pair_of, entry_step  # as long as the entries
+    columns = make_slots(
+        begin, pair_first, graph["pair_column"], len(graph["node_block"]), problem.steps
+    )
+    return States(
+        problem=problem, pair_first=pair_first, begin=begin, entry=entry, columns=columns, **graph
+    )
+
+
+GRAPH = (
+    *("pair_row", "pair_column", "pair_block", "pair_truth", "pair_estimate"),
+    *("node_block", "block_begin", "block_end", "transposed"),
+)
+"""Fields of `States` that do not depend on runs; pairs are sorted by (row, column)."""
+
+
+def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, dict[str, Any]]:
+    """Pair of each entry, and the fields `GRAPH`."""
+    truth: Ints = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
+    estimate: Ints = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
+    if kernels:
+        pair_of, *graph = kernels.merge_pairs(
+            truth, estimate, entry_step, problem.truths, problem.estimates, transpose
+        )
+        return pair_of, dict(zip(GRAPH, graph, strict=True))
+    width = max(problem.estimates, 1)
+    key, pair_of = np.unique(truth * np.int64(width) + estimate, return_inverse=True)
+    truth, estimate = (part.astype(np.int32) for part in np.divmod(key, width))
+    component = connected_components(
+        truth, estimate + problem.truths, problem.truths + problem.estimates
+    )
+    _, block = np.unique(component[truth], return_inverse=True)
+    blocks = int(block.max()) + 1 if len(block) else 0
+
+    tracks, rivals = (
+        np.bincount(block[np.unique(side, return_index=True)[1]], minlength=blocks)
+        for side in (truth, estimate)
+    )
+    transposed = (rivals == 1) & (tracks > 1) & transpose
+    flip = transposed[block]
+    row = np.where(flip, estimate + problem.truths, truth)
+    column = np.where(flip, truth, estimate + problem.truths)
+    node_block, (row, column) = _number_nodes(row, column, block)
+
+    order = np.lexsort((column, row))
+    rank = np.empty(len(order), np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    pair_of = rank[pair_of]
+    pair_row, pair_column, pair_block = (
+        part[order].astype(np.int32) for part in (row, column, block)
+    )
+    window = _windows(pair_block[pair_of], entry_step, blocks)
+    graph = pair_row, pair_column, pair_block, truth[order], estimate[order], node_block, *window
+    return pair_of, dict(zip(GRAPH, (*graph, transposed), strict=True))
+
+
+def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
+    """Number the nodes block by block, rows first; block of each node, and the renamed pairs."""
+    row_ids, row_at, row_of = np.unique(row, return_index=True, return_inverse=True)
+    col_ids, col_at, col_of = np.unique(column, return_index=True, return_inverse=True)
+    node_block = np.concatenate((block[row_at], block[col_at]))
+    side = np.repeat((0, 1), (len(row_ids), len(col_ids)))
+    order = np.lexsort((side, node_block))
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    return node_block[order].astype(np.int32), (number[row_of], number[len(row_ids) + col_of])
+
+
+def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
+    """First and last step with a gain of each block, (2, B); `block` is that of each entry."""
+    window = np.zeros((2, blocks), np.int32)
+    # Entries come in order of time: the last assignment to a place wins.
+    window[1][block] = step
+    window[0][block[::-1]] = step[::-1]
+    return window
+
+
+def split_pairs(
+    pair_of: Ints, step: Ints, first: Ints, last: Ints, *, single: bool
+) -> tuple[Ints, Ints, Ints]:
+    """First state of every pair, begin and entry of every state, sorted by (pair, begin).
+
+    `pair_of`, `step` are those of each entry, in order of time; `first` and `last` the window of
+    each pair. With `single` a run is one state for each step.
+    """
+    if kernels:
+        found: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
+        return found
+    order = np.argsort(pair_of, kind="stable")
+    pair, step = pair_of[order], step[order]
+    opens = np.ones(len(pair), bool)
+    opens[1:] = pair[1:] != pair[:-1]
+    closes = np.roll(opens, -1)
+    before = np.where(opens, first[pair], np.roll(step, 1) + 1)  # first step of the run before
+    tail = np.flatnonzero(closes & (step < last[pair]))
+    head = np.flatnonzero(before < step)
+    run_pair = np.concatenate((pair[head], pair[tail]))
+    run_begin = np.concatenate((before[head], step[tail] + 1))
+    run_end = np.concatenate((step[head] - 1, last[pair[tail]]))
+    if single:
+        length = run_end.astype(np.int64) - run_begin + 1
+        check_size("states", len(pair) + int(length.sum()))
+        run_pair = np.repeat(run_pair, length)
+        run_begin = concatenated(run_begin, length)
+    pair = np.concatenate((pair, run_pair))
+    begin = np.concatenate((step, run_begin))
+    entry = np.concatenate((order, np.full(len(run_pair), -1)))
+    order = np.lexsort((begin, pair))
+    pair_first = np.searchsorted(pair[order], np.arange(len(first) + 1))
+    return (
+        pair_first.astype(np.int32),
+        begin[order].astype(np.int32),
+        entry[order].astype(np.int32),
+    )

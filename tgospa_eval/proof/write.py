@@ -16,19 +16,17 @@ import numpy as np
 from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
+from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole, vertex_cover
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.records import ComparedSides, PairProof
 from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.text import as_unicode, quoted
-from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
 """Of distances that are computed again, perhaps by another version of a library; relative."""
@@ -169,7 +167,7 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
 #   optimum.
 # - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.smaller_cutoff`, v = s v' + (1 - s) (A + B) z, where A + B is 1, or what is left of it
+#   `problem.certificate`, v = s v' + (1 - s) (A + B) z, where A + B is 1, or what is left of it
 #   if all truths are ignored or all estimates excused. Proof: a gain is
 #   G <= s G' + (1 - s) (A + B) (y + z), so each truth gains at most what it does there, and
 #   (1 - s) (A + B) y.

@@ -18,7 +18,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import number
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.readout import AssignedPairs
+from tgospa_eval.problem.solution import AssignedPairs
 from tgospa_eval.results.records import Arrays, Columns, Json
 
 NEES = "nees"

@@ -16,8 +16,7 @@ from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
-from tgospa_eval.problem.readout import Unjudged
-from tgospa_eval.problem.solution import Brackets, Windows
+from tgospa_eval.problem.solution import Brackets, Unjudged, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import (
     PARTS,

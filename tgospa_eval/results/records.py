@@ -14,13 +14,12 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.metric_family import POWER, Parameters
-from tgospa_eval.problem.readout import PerTrack
-from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced
+from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack, Reduced
 from tgospa_eval.problem.states import States
 
 if TYPE_CHECKING:
+    from tgospa_eval.tracks.alignment import Held
     from tgospa_eval.tracks.clouds import Clouds
-    from tgospa_eval.tracks.held import Held
 
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]

@@ -17,7 +17,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import THOUSANDS, counted, natural, number
-from tgospa_eval.formats.times import TimeError, places
+from tgospa_eval.formats.fields import TimeError, places
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns

@@ -19,10 +19,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.common.writing import FRESH, is_left, turn, unique, writing
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.by_class import EvaluationByClass
-from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
-from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
-from tgospa_eval.problem.weights import ONE, assigned, spare
+from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, explanation_of
+from tgospa_eval.problem.solution import read_assigned, read_switches, read_tracks
+from tgospa_eval.problem.states import ONE, assigned, spare
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, PairProof

@@ -29,7 +29,7 @@ from tgospa_eval.show.plot_data import (
     with_centres,
 )
 from tgospa_eval.show.style import FALSE, INK, MISSED, SOFT, TRACK_COLOURS, Style
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FEW = 30

@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.clouds.transport import merged, resample_cloud
+from tgospa_eval.distances.transport import merged, resample_cloud
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.by_class import EvaluationByClass
-from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
-from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.problem.readout import read_switches
-from tgospa_eval.problem.solution import Windows
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, explanation_of
+from tgospa_eval.formats.headers import BOX
+from tgospa_eval.problem.solution import Windows, read_switches
+from tgospa_eval.problem.states import ONE
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult

@@ -5,8 +5,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, assigned, changes, repair, spare
+from tgospa_eval.problem.states import ONE, States, assigned, changes, repair, spare
 
 SETTLED_FROM = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""

@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.slots import Slots
+from tgospa_eval.problem.states import Slots
 
 SAME_ROOM = 1e-12
 """Rooms that differ by less are one."""

@@ -15,7 +15,7 @@ from tgospa_eval.common.progress import Status
 from tgospa_eval.kernels import kernels
 from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.lp_rounds import Programmes
+from tgospa_eval.solvers.lp_rounds import Programmes, solve_whole
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import (
     ASCENT,
@@ -26,7 +26,6 @@ from tgospa_eval.solvers.tuning import (
     Stage,
     check_settings,
 )
-from tgospa_eval.solvers.whole_lp import solve_whole
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
 a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is in `problem.smaller_cutoff`. Nothing here is trusted: the certificate evaluates
+of the whole is in `problem.certificate`. Nothing here is trusted: the certificate evaluates
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
@@ -13,12 +13,10 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Mask, places_of
 from tgospa_eval.common.progress import Limit, Status
-from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
+from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole, reduce_cutoff
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.smaller_cutoff import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import repair
+from tgospa_eval.problem.states import States, repair
 from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 

@@ -6,24 +6,39 @@ over mixtures theta of the paths of each row. After Nevelius Wernholm, Wärnsät
 computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
 (docs/theory/solvers.md, "Sinkhorn sweeps"). Reported is the bracket of the prices and of the
 rounded assignment, not the entropic value, which is no bound.
+
+The value of the entropy-regularised problem itself: its primal and its dual, sweep by sweep.
+
+With the paths pi of each row, mass theta on them and slack sigma of each column slot,
+
+    min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma),
+    sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot,
+
+the multimarginal problem of [Wernholm], theorem 1: a row is a marginal over paths, its path a place
+in the tensor, and sigma the mass of the row that stands for "none". It is on all states and all
+slots, and not on a working set as the sweeps of `Sinkhorn`: the number does not depend on
+how it is found. docs/theory/solvers.md, "The entropic value".
 """
 
+import itertools
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Mask
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.kernels import kernels
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.solvers.lp_rounds import solve_whole
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import check_settings
-from tgospa_eval.solvers.whole_lp import solve_whole
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM_SWEEPS` sweeps."""
@@ -156,3 +171,145 @@ def _check(
 def _without_kernels(batch: BlockBatch) -> Answer:
     """`solve_whole`, which says so."""
     return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")
+
+
+MOST_TRACED, MOST_LINKS = 1000, 5_000_000
+"""Of a larger problem nothing is found: all states make more links than those that compete."""
+
+MET, STILL = 1e-7, 1e-9
+"""Of the dual: the difference of the primal, or its change since the last look, that ends it."""
+
+NEVER = 700.0
+"""Temperatures from which on the mass that pays a switch price is no number above 0."""
+
+Trace = list[dict[str, float]]
+"""For each look: sweep, epsilon, violation, and in units of c^p primal, dual and cost."""
+
+
+def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:
+    """Sweep over all states until primal and dual meet; what each look found.
+
+    Parameters
+    ----------
+    states : States
+        The problem; temperatures are in its unit of cost, c^p.
+    epsilon : float
+        The last temperature; from 0.3 down to it in stages.
+    late : callable
+        Whether to stop.
+    """
+    problem = states.problem
+    most = float(problem.truth_price.sum() + problem.estimate_price.sum())
+    soft = np.zeros(len(states.columns.step))
+    layout = None
+    if len(soft):
+        price = problem.weight(slice(None))  # of all entries, or else of each
+        both = (price, None) if isinstance(price, float) else (0.0, price)
+        layout = kernels.Layout(states, problem.switch_price_at, *both)
+        layout.keep(np.ones(len(states.block_begin), np.uint8))
+    every = np.ones(len(states.begin), np.uint8)
+    trace: Trace = []
+    sweeps, violation = 0, 0.0
+    for temperature in itertools.chain(
+        (stage for stage in WARM_STAGES if stage > epsilon), itertools.repeat(epsilon)
+    ):
+        if layout is not None:
+            chain = kernels.Chain(layout, every, soft, MOST_LINKS)
+            if chain.links > MOST_LINKS:
+                break
+            chain.heat(temperature)
+            done, violation = chain.sweep(WARM_SWEEPS)
+            sweeps += done
+            chain.cool(temperature)
+            chain.write_prices(soft)
+        primal, dual, cost = (most - gain for gain in gains(states, soft, temperature))
+        look = {"sweep": sweeps, "epsilon": temperature, "violation": float(violation)}
+        trace.append(look | {"primal": primal, "dual": dual, "cost": cost})
+        if temperature == epsilon:
+            change = abs(dual - trace[-2]["dual"]) if len(trace) > 1 else np.inf
+            if abs(primal - dual) <= MET * abs(dual) or change <= STILL * abs(dual):
+                break
+        if sweeps >= MOST_TRACED or late():
+            break
+    return trace
+
+
+def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
+    """What the masses at some prices v gain with entropy and without, and the dual at v.
+
+    theta = exp((value_v - alpha) / epsilon), alpha_i = epsilon log sum_pi exp(value_v / epsilon),
+    sigma = exp(-v / epsilon), and so ([Wernholm], the Lagrangian dual)
+
+        primal  sum_i alpha_i + sum_r v_r load_r + sum_r (epsilon + v_r) sigma_r,
+        dual    sum_i alpha_i + sum_r v_r        + sum_r epsilon sigma_r,
+        gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes there).
+
+    The dual is never below the largest primal; they are equal where load + sigma = 1.
+
+    Parameters
+    ----------
+    states : States
+        The problem.
+    prices : (K,) float array
+        v >= 0 of the column slots.
+    epsilon : float
+        Temperature, in units of c^p.
+
+    Returns
+    -------
+    primal, dual, gain : float
+        In units of c^p.
+    """
+    value, mass, stay = _masses(states, prices, epsilon)
+    slack = np.exp(-prices / epsilon)
+    load = states.columns.loads(mass)
+    primal = value.sum() + (prices * load).sum() + ((epsilon + prices) * slack).sum()
+    dual = value.sum() + prices.sum() + epsilon * slack.sum()
+    arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
+    changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
+    half = states.problem.switch_price_at[states.begin[arc]]
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # nothing changes there but by rounding
+    gain = (mass * states.gain).sum() - (half * changing).sum()
+    return float(primal), float(dual), float(gain)
+
+
+def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
+    """Value of each row, mass of each state, and how much of it comes from the state before.
+
+    Messages in logarithms, with q = exp(-lambda / epsilon) (docs/theory/solvers.md, "Messages"):
+    A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and backward in time alike.
+    """
+    row = np.repeat(states.pair_row, np.diff(states.pair_first))
+    order = np.lexsort((row, states.begin))  # by step, the states of a row together
+    weight = ((states.gain - states.columns.totals(prices)) / epsilon)[order]
+    row, step, place = row[order], states.begin[order], np.argsort(order)
+    before = place[order - 1]
+    fresh = np.zeros(len(order), bool)
+    fresh[place[states.pair_first[:-1]]] = True
+    q = np.where(fresh, 0.0, -states.problem.switch_price_at[step] / epsilon)
+    with np.errstate(divide="ignore"):
+        rest = np.where(fresh, 0.0, np.log(-np.expm1(2 * q)))
+    node = np.flatnonzero((np.diff(row, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 0))
+    ends = np.flatnonzero(np.diff(step[node], prepend=-1, append=-1))  # nodes of a step
+    begins = np.append(node, len(order))
+    sizes = np.diff(begins)
+    spans = [(slice(m, n), slice(begins[m], begins[n])) for m, n in itertools.pairwise(ends)]
+    ahead, behind, into, none = *np.zeros((3, len(order))), np.zeros(states.nodes)
+    for nodes, at in spans:
+        into[at] = np.where(fresh[at], -np.inf, ahead[before[at]])
+        first, rows = node[nodes], row[node[nodes]]
+        arrived = np.logaddexp.reduceat(into[at], first - at.start)
+        none[rows] = np.logaddexp(none[rows], q[first] + arrived)
+        through = q[at] + np.repeat(none[rows], sizes[nodes])
+        ahead[at] = np.logaddexp(into[at] + rest[at], through) + weight[at]
+    none[:] = 0.0
+    for nodes, at in reversed(spans):
+        onward = weight[at] + behind[at]
+        first, rows = node[nodes], row[node[nodes]]
+        left = np.logaddexp.reduceat(onward, first - at.start)
+        none[rows] = np.logaddexp(none[rows], q[first] + left)
+        through = np.logaddexp(onward + rest[at], q[at] + np.repeat(none[rows], sizes[nodes]))
+        behind[before[at][~fresh[at]]] = through[~fresh[at]]
+    mass = np.exp(ahead + behind - none[row])[place]
+    stay = np.exp(into + weight + behind - none[row])[place]
+    return epsilon * none[np.unique(row)], mass, stay

@@ -7,8 +7,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.problem.paths import best_values, turns
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.states import States, connected_components
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States, connected_components
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
@@ -22,14 +21,14 @@ def paths(states: States, value: Floats) -> Floats:
     The recursion of `problem.paths.best_values` with back pointers: the state from which each state
     is reached, and that from which "none" of each row got its value.
     """
-    turn, switch_price = turns(states), states.problem.switch_price_at
-    row = states.pair_row
+    bounds, order, pairs, rows = turns(states)
+    row, switch_price = states.pair_row, states.problem.switch_price_at
     unassigned_value = np.zeros(states.nodes)
     unassigned_from = np.full(states.nodes, -1)
     current = np.zeros(len(row))
     came_from = np.full(len(value), -1)
-    for low, high in itertools.pairwise(turn.bounds):
-        state, pair, at = turn.order[low:high], turn.pair[low:high], turn.row[low:high]
+    for low, high in itertools.pairwise(bounds):
+        state, pair, at = order[low:high], pairs[low:high], rows[low:high]
         price = switch_price[states.begin[state]]
         reached, before = current[pair], unassigned_value[at]
         np.maximum.at(unassigned_value, at, reached - price)

@@ -218,7 +218,7 @@ class Windowing:
 
 
 class TimeWindowing:
-    """Large components in windows of time (`solvers.time_windows`)."""
+    """Large components in windows of time (`solvers.batches`)."""
 
     least: int = 400_000
     steps: int = 300

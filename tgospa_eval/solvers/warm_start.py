@@ -12,8 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
 """Sums of weights that exceed 1 by more than rounding; the proof scales what is left."""

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import (
+    Held,
     TimeMatching,
     Times,
     apart_of,
@@ -18,11 +18,9 @@ from tgospa_eval.tracks.alignment import (
     joined_to,
     within,
 )
-from tgospa_eval.tracks.attributes import chosen
-from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.held import Held
-from tgospa_eval.tracks.ignored import AWAY, marks_of
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.conversion import SECOND
+from tgospa_eval.tracks.coverage import AWAY, marks_of
+from tgospa_eval.tracks.trajectories import Trajectories, chosen
 
 HALF_TURN = 180.0
 """Largest longitude."""
@@ -35,28 +33,6 @@ SLACK = 1e-9
 """Of a period: a step that is so near to the end of a report is in the next."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Interpolated:
-    """A side at the stamps of the other one, and what that took.
-
-    Parameters
-    ----------
-    side : Trajectories
-        At those stamps.
-    between : int
-        States that are between two of a track.
-    own : int
-        States that were there.
-    unused : int
-        States at stamps that the other side does not have.
-    """
-
-    side: Trajectories
-    between: int
-    own: int
-    unused: int
-
-
 def interpolated(
     side: Trajectories,
     other: Trajectories,
@@ -66,7 +42,7 @@ def interpolated(
     periods: dict[str, float] | None = None,
     names: tuple[str, str] = ("estimate", "truth"),
     across: str = "",
-) -> Interpolated:
+) -> tuple[Trajectories, tuple[int, int, int]]:
     """A side at the stamps of the other one; a side without stamps, on either hand, changes none.
 
     A state of a track at a stamp stays as it is. Where two consecutive states of a track are at
@@ -88,7 +64,15 @@ def interpolated(
         Of the two, for messages.
     across : str
         Where two states are farther apart there are states between them as well, marked by this
-        attribute, and with `tracks.ignored.AWAY`. Blank: there are none.
+        attribute, and with `tracks.coverage.AWAY`. Blank: there are none.
+
+    Returns
+    -------
+    side : Trajectories
+        At those stamps.
+    counts : tuple of int
+        States that are between two of a track, that were there, and those at stamps that the other
+        side does not have.
 
     Raises
     ------
@@ -100,7 +84,7 @@ def interpolated(
     mine, theirs = comparable(side, other, names)
     rows = len(side.step)
     if not rows or not len(theirs):
-        return Interpolated(side=side, between=0, own=rows, unused=0)
+        return side, (0, rows, 0)
     if side.clouds is not None:
         raise ConfigError(
             f"{option('interpolate')}: {names[0]} has clouds of particles, which are not "
@@ -135,12 +119,8 @@ def interpolated(
         times=theirs,
         labels=other.labels,
     )
-    return Interpolated(
-        side=found.chosen(np.arange(len(order))),
-        between=len(step) - int(np.count_nonzero(wide)),
-        own=len(own),
-        unused=rows - len(own),
-    )
+    between = len(step) - int(np.count_nonzero(wide))
+    return found.chosen(np.arange(len(order))), (between, len(own), rows - len(own))
 
 
 def at_ticks(

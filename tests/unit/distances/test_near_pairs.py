@@ -10,7 +10,7 @@ from all_pairs import WAYS, assert_as_by_brute_force, go, table
 from tgospa_eval.distances import DISTANCES, near_pairs
 from tgospa_eval.distances import pair_search as points
 from tgospa_eval.distances.vector import Norm
-from tgospa_eval.evaluation.diagnosis.scale import median_nearest
+from tgospa_eval.evaluation.diagnosis import median_nearest
 from tgospa_eval.kernels import kernels
 
 NORMS = ("euclidean", "manhattan", "chebyshev")

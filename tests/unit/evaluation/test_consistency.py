@@ -10,7 +10,7 @@ import pytest
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.evaluation.consistency import apart, ranks, squared
-from tgospa_eval.problem.readout import AssignedPairs
+from tgospa_eval.problem.solution import AssignedPairs
 from tgospa_eval.results.consistency import NeesSums, nees_sums
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds

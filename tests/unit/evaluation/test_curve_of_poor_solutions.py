@@ -10,11 +10,9 @@ from strategies import scene
 
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.evaluation.curve import trace
-from tgospa_eval.evaluation.endings import ContinuedPrefixes, SeparateStretches
-from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.evaluation.curve import ContinuedPrefixes, SeparateStretches, trace
 from tgospa_eval.problem.prefixes import Cells
-from tgospa_eval.problem.weights import repair
+from tgospa_eval.problem.states import merge_runs, repair
 
 
 def test_the_last_point_is_the_solution_however_bad() -> None:

@@ -15,7 +15,7 @@ from tgospa_eval.distances import (
     Norm,
     Reduction,
 )
-from tgospa_eval.evaluation import uniqueness
+from tgospa_eval.evaluation import gradient as gradient_module
 
 RNG = np.random.default_rng(0)
 POINTS = RNG.normal(size=(2, 3, 40))
@@ -127,7 +127,7 @@ def test_where_it_is_not_unique() -> None:
 def test_crowds_have_one_best_assignment(numpy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows that compete are indifferent at the prices; conclusions from one to the other decide."""
     if numpy:
-        monkeypatch.setattr(uniqueness, "kernels", None)
+        monkeypatch.setattr(gradient_module, "kernels", None)
     for seed in range(6):
         truth, estimate = crowd(seed, 6, 7, 12, side=8.0, noise=1.0)
         result = evaluate(truth, estimate, 4, 2, 1)
@@ -150,10 +150,10 @@ def test_losses_of_paths_are_those_of_the_kernels() -> None:
     truth, estimate = crowd(1, 6, 7, 15, side=10.0, noise=1.0)
     proof = evaluate(truth, estimate, 4, 2, 1).proof
     value = proof.states.gain - proof.states.columns.totals(proof.prices)
-    through, without = uniqueness.path_losses(proof.states, value)
+    through, without = gradient_module.path_losses(proof.states, value)
     assert min(through.min(), without.min()) > -1e-12
     for reach in (1e-9, 0.01, 0.3):
-        near, needed = uniqueness._marks(proof.states, value, proof.prices, reach)
+        near, needed = gradient_module._marks(proof.states, value, proof.prices, reach)
         assert np.array_equal(near, through <= reach)
         assert np.array_equal(needed, without > reach)
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.api.result import ByClass, Result
 from tgospa_eval.common.frozen import recast
-from tgospa_eval.evaluation.by_class import add_up
+from tgospa_eval.evaluation.pair import add_up
 from tgospa_eval.kernels import kernels
 from tgospa_eval.results.slices import Slicing, added_up
 

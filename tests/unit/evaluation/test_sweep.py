@@ -16,7 +16,7 @@ from strategies import ORDERS, pairs_of_sets, scene
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances.registry import as_distance
+from tgospa_eval.distances import as_distance
 from tgospa_eval.evaluation import sweep as sensitivity
 from tgospa_eval.evaluation.prepare import MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -25,8 +25,7 @@ from tgospa_eval.formats.objects import read_object
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 

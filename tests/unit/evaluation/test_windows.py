@@ -16,7 +16,7 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, Exact, evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.endings import SeparateStretches
+from tgospa_eval.evaluation.curve import SeparateStretches
 from tgospa_eval.evaluation.request import Sliding
 
 Invoke = Callable[..., Answer]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, read_trajectories
-from tgospa_eval.formats.columns.headers import find_roles
+from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.text import lines
 
 WAYS = ("compiled", "careful")

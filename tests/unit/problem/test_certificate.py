@@ -9,14 +9,11 @@ from strategies import scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.problem import certificate
-from tgospa_eval.problem import weights as weights_module
+from tgospa_eval.problem import states as states_module
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values
-from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, Slots, States, merge_runs
 from tgospa_eval.solvers.trivial import best_paths, paths
 
 
@@ -157,7 +154,7 @@ def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     for solution in solutions(states, seed):
         whole, weights, split = certify(states, solution)
         with monkeypatch.context() as patch:
-            for module in (weights_module, certificate):
+            for module in (states_module, certificate):
                 patch.setattr(module, "PART", 16)
             bounds, again, steps = certify(states, solution)
         assert np.array_equal(weights, again)

@@ -10,13 +10,10 @@ from far_scenes import FarScene, far_scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.certificate import certify, forced_cost, reduce_cutoff
 from tgospa_eval.problem.metric_family import Parameters, tgospa_problem
-from tgospa_eval.problem.smaller_cutoff import forced_cost, reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.states import ONE, States, merge_runs
 from tgospa_eval.solvers.far_cutoff import fitting_scales
 
 

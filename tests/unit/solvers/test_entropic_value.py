@@ -13,7 +13,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.entropic import Trace, entropic_trace, gains
+from tgospa_eval.solvers.sinkhorn import Trace, entropic_trace, gains
 from tgospa_eval.tracks.trajectories import Trajectories
 
 pytestmark = pytest.mark.skipif(not kernels, reason="sweeps need the compiled kernels")

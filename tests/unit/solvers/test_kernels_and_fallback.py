@@ -14,14 +14,11 @@ from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.kernels import kernels
-from tgospa_eval.problem import merging, slots, states
+from tgospa_eval.problem import states
 from tgospa_eval.problem.certificate import break_down, certify, lower_bounds
-from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem.problem import Problem, sum_parts
-from tgospa_eval.problem.slots import Slots
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.problem.states import ONE, Slots, States, merge_runs, repair
 from tgospa_eval.solvers import dual_ascent as ascent
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
@@ -89,7 +86,7 @@ def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.M
         without_kernels(monkeypatch)
     ends = np.zeros(2, np.int32), np.full(2, 2**30, np.int32)
     with pytest.raises(InputError, match="2147483650 states are too many"):
-        merging.split_pairs(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
+        states.split_pairs(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
     for field, what in (("steps", "steps"), ("truths", "trajectories")):
         large = dataclasses.replace(problem, **{field: 2**31 - 1})
         with pytest.raises(InputError, match=f"{what} are too many"):
@@ -316,7 +313,7 @@ def test_compiled_and_plain_solvers_agree(seed: int, monkeypatch: pytest.MonkeyP
     truth, estimate = scene(seed, 9, 10, 30, side=7.0, noise=1.5)
     fast = evaluate(truth, estimate, 5.0, 2, 2.0)
     soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")
-    for module in (slots, states, merging, certified_module, sinkhorn_module):
+    for module in (states, certified_module, sinkhorn_module):
         monkeypatch.setattr(module, "kernels", None)
     plain = evaluate(truth, estimate, 5.0, 2, 2.0)
     plain_soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")

@@ -7,8 +7,8 @@ from strategies import scene
 
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
+import tgospa_eval.solvers.lp_rounds as whole_lp_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
-import tgospa_eval.solvers.whole_lp as whole_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.kernels import kernels

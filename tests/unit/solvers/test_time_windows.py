@@ -12,7 +12,7 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.time_windows import Division, divisible_blocks
+from tgospa_eval.solvers.batches import Division, divisible_blocks
 from tgospa_eval.solvers.tuning import TIME_WINDOWS
 
 pytestmark = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")

@@ -15,7 +15,7 @@ from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.write import csv_text, npz_bytes, parquet_bytes
 from tgospa_eval.tracks.alignment import TimeMatching, align
-from tgospa_eval.tracks.attributes import Attributes
+from tgospa_eval.tracks.trajectories import Attributes
 
 TABLE = pd.DataFrame(
     {

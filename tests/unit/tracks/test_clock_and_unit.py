@@ -15,7 +15,7 @@ from tgospa_eval import Trajectories, evaluate, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.interpolation import Interpolated, interpolated
+from tgospa_eval.tracks.interpolation import interpolated
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]
@@ -173,7 +173,7 @@ def scene(seed: int) -> tuple[Trajectories, np.ndarray]:
     return replace(Trajectories.from_array(table), times=times), stamps
 
 
-def at_stamps(side: Trajectories, stamps: np.ndarray, gap: float, **more: Any) -> Interpolated:
+def at_stamps(side: Trajectories, stamps: np.ndarray, gap: float, **more: Any) -> tuple:
     other = replace(Trajectories.from_array(np.zeros((len(stamps), 1, 2))), times=stamps)
     return interpolated(side, other, max_gap=gap, **more)
 
@@ -182,9 +182,9 @@ def at_stamps(side: Trajectories, stamps: np.ndarray, gap: float, **more: Any) -
 @pytest.mark.parametrize("gap", [0.4, 1.5, 100.0])
 def test_interpolation_is_that_of_numpy_track_by_track(seed: int, gap: float) -> None:
     side, stamps = scene(seed)
-    made = at_stamps(side, stamps, gap)
+    made, (between, there, unused) = at_stamps(side, stamps, gap)
     found = np.full((len(stamps), len(side.ids), 2), np.nan)
-    found[made.side.step, [int(made.side.ids[k]) for k in made.side.track]] = made.side.state
+    found[made.step, [int(made.ids[k]) for k in made.track]] = made.state
     wanted = np.full_like(found, np.nan)
     for track in range(len(side.ids)):
         own = side.step[side.track == track]
@@ -195,18 +195,18 @@ def test_interpolation_is_that_of_numpy_track_by_track(seed: int, gap: float) ->
             if exact or (0 < after < len(time) and time[after] - time[after - 1] <= gap + 1e-12):
                 wanted[k, track] = [np.interp(stamp, time, column) for column in state.T]
     np.testing.assert_allclose(found, wanted, atol=1e-12)
-    assert made.own + made.between == len(made.side.step)
-    assert made.own + made.unused == len(side.step)
+    assert there + between == len(made.step)
+    assert there + unused == len(side.step)
 
 
 def test_angles_go_the_shorter_way_and_longitudes_stay_such() -> None:
     states = np.array([[[0.0, 350.0]], [[10.0, 10.0]], [[20.0, 350.0]]])
     side = replace(Trajectories.from_array(states), columns=("x", "a"), times=np.array([0, 4, 8]))
-    found = at_stamps(side, np.arange(9), 4, periods={"a": 360.0}).side.state
+    found = at_stamps(side, np.arange(9), 4, periods={"a": 360.0})[0].state
     assert (found[:, 1] % 360).tolist() == [350, 355, 0, 5, 10, 5, 0, 355, 350]
     assert found[:, 0].tolist() == [0, 2.5, 5, 7.5, 10, 12.5, 15, 17.5, 20]
     globe = replace(side, columns=("lat", "lon"), state=side.state - [0, 180])
-    lon = at_stamps(globe, np.arange(9), 4, periods={"lon": 360.0}).side.state[:, 1]
+    lon = at_stamps(globe, np.arange(9), 4, periods={"lon": 360.0})[0].state[:, 1]
     assert np.abs(lon).max() <= 180
     assert lon[[1, 3]].tolist() == [175, -175]
 
@@ -244,7 +244,6 @@ def test_clouds_are_not_interpolated() -> None:
     points = Clouds(points=np.zeros((3, 2)), weights=np.ones(3), first=np.arange(4))
     with pytest.raises(ConfigError, match="clouds of particles, which are not interpolated"):
         at_stamps(side.with_clouds(points), np.arange(3) + 0.5, 1)
-    empty = at_stamps(side, np.zeros(0), 1)
-    assert empty.side is side
+    assert at_stamps(side, np.zeros(0), 1)[0] is side
     with pytest.raises(InputError, match="times of one run must be of one kind"):
         interpolated(side, replace(side, clock="local"), max_gap=1)

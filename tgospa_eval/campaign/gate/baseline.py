@@ -21,8 +21,13 @@ from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, contradiction, unlike
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
-from tgospa_eval.tracks.coverage import JUDGED_FIELDS, incomparable, judge_alike, judged_of
-from tgospa_eval.tracks.ignored import refuse_own_marks
+from tgospa_eval.tracks.coverage import (
+    JUDGED_FIELDS,
+    incomparable,
+    judge_alike,
+    judged_of,
+    refuse_own_marks,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.writing import writing
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.partitioned.input.listing import state_of, stored
+from tgospa_eval.partitioned.files import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
 from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of

@@ -2,29 +2,46 @@
 
 They cost little beside an evaluation of sound data: they look at the stamps and at some steps that
 are sampled evenly. Only where these do not fit is the offset of the clock searched for.
+
+The clock of the estimate is off by the shift of its stamps that fits the truth best,
+
+    G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
+
+with the truth on straight lines between its states. Pairs that are near, whatever their times, say
+which shifts are worth a look; G makes these finer. A shift is named only if all others that are
+as well covered fit worse, by more than what differs from one stretch of the recording to the next
+explains: targets at rest, or on a circle, name none.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, median
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, median, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, plain, shortest
-from tgospa_eval.distances import Distance
+from tgospa_eval.distances import Distance, Norm
+from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.evaluation.diagnosis.costs import (
+    FEWEST_STEPS,
+    NOTABLE_COST,
+    PAIRED,
     Sample,
+    StepCosts,
     StepRows,
     step_costs,
+    with_state,
 )
-from tgospa_eval.evaluation.diagnosis.offset import Fit, Search, sharpest, significance
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
-from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.conversion import SECOND
+from tgospa_eval.tracks.interpolation import interpolated, on_lines
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -32,6 +49,565 @@ if TYPE_CHECKING:
 
     from tgospa_eval.evaluation.prepare import AlignedPair
     from tgospa_eval.evaluation.request import EvaluationRequest
+
+
+SAME = 0.01
+"""Of the time between moments of the truth: what is closer to one of them is there."""
+
+TIMELINE = 300_000
+"""States and moments of the truth that are looked at, those on lines included."""
+
+SEGMENTS = 2_000
+"""Pairs of consecutive states of a truth of which the usual speed is taken."""
+
+ACROSS = 5.0
+"""Times the usual time between two states of a truth, across which it is taken to go on."""
+
+FINER = 16
+"""Parts into which that time is divided at most, for targets that move far in it."""
+
+
+class Timeline:
+    """Truths at any moment, on straight lines between their states.
+
+    Parameters
+    ----------
+    side : Trajectories
+        States at some moments.
+    moments : (Q,) float array
+        Those, increasing.
+    longest : float
+        Time between two moments across which tracks go on.
+    periods : dict of str to float
+        Of columns that wrap around.
+    """
+
+    def __init__(
+        self, side: Trajectories, moments: Floats, longest: float, periods: dict[str, float]
+    ) -> None:
+        self.side, self.moments, self.periods = side, moments, periods
+        order = np.argsort(side.track, kind="stable")  # rows are in the order of time
+        track, step = side.track[order], side.step[order]
+        goes_on = (track[1:] == track[:-1]) & (step[1:] == step[:-1] + 1)
+        goes_on &= moments[step[1:]] - moments[step[:-1]] <= longest
+        self._next = np.full(len(order), -1)
+        self._next[order[:-1][goes_on]] = order[1:][goes_on]
+        self._bounds = StepRows.of(side).bounds
+
+    @classmethod
+    def of(cls, truth: Trajectories, own: Floats, cutoff: float, distance: Distance) -> "Timeline":
+        """At regular moments, so close that few truths move far between them; none of no motion.
+
+        Parameters
+        ----------
+        truth : Trajectories
+            Points.
+        own : (T,) float array
+            Its stamps.
+        cutoff : float
+            What is far.
+        distance : Distance
+            Base distance.
+        """
+        time, speed = _usual(truth, own, distance)
+        long = float(own[-1] - own[0]) if len(own) and (np.diff(own) > 0).all() else 0.0
+        none = np.zeros(0, np.intp)
+        if not 0 < time < np.inf or not long:
+            return cls(truth.chosen(none, none, own[:0]), own[:0], 0, {})
+        far = 2 * speed * time / cutoff
+        parts = min(far, FINER) if far > 1 else 1.0
+        rows = max(len(truth.step), long / time) * parts
+        apart = time / parts * max(1.0, rows / TIMELINE)
+        moments = own[0] + apart * np.arange(int(long / apart * (1 + 1e-9)) + 1)
+        periods = periods_of(distance, truth.columns)
+        truth = replace(truth, times=own, clock="number", labels=None)
+        at_moments, _ = interpolated(
+            truth,
+            truth.chosen(none, none, moments),
+            max_gap=ACROSS * time,
+            tolerance=SAME * apart,
+            periods=periods,
+        )
+        return cls(at_moments, moments, ACROSS * time, periods)
+
+    def at(self, wanted: Floats) -> StepRows:
+        """Those at some moments, of which there are two at least."""
+        k = np.searchsorted(self.moments, wanted, side="right") - 1
+        k = k.clip(0, len(self.moments) - 2)
+        share = (wanted - self.moments[k]) / (self.moments[k + 1] - self.moments[k])
+        is_next = share >= 1 - SAME
+        k, share = k + is_next, share - is_next
+        begin, end = self._bounds[:, k]
+        count = np.where((share > -SAME) & (share < 1), end - begin, 0)
+        row, step = concatenated(begin, count), np.arange(len(k)).repeat(count)
+        share, after = share.repeat(count), self._next[row]
+        there = places_of((after >= 0) | (np.abs(share) < SAME))
+        row, share, after = row[there], share[there], after[there]
+        state = on_lines(self.side, row, np.where(after < 0, row, after), share, self.periods)
+        found = self.side.chosen(row, step[there], np.arange(len(k)))
+        return StepRows.of(with_state(found, state))
+
+    @property
+    def apart(self) -> float:
+        """Time between the first two moments."""
+        return float(self.moments[1] - self.moments[0])
+
+
+def _usual(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float, float]:
+    """Median time between two states of a truth, and median speed."""
+    order = np.argsort(truth.track, kind="stable")
+    row = places_of(np.diff(truth.track[order]) == 0)
+    row = row[:: -(-len(row) // SEGMENTS) or 1]
+    if not len(row):
+        return 0.0, 0.0
+    before, after = order[row], order[row + 1]
+    time = own[truth.step[after]] - own[truth.step[before]]
+    return median(time), median(distance(truth.state[before], truth.state[after]) / time)
+
+
+SAMPLED, SAMPLED_TIMES = 600, 300
+"""Rows of the estimate that are looked at, and steps, at most."""
+
+PAIRS = 1_000_000
+"""Near pairs that are looked at."""
+
+CANDIDATES = 32
+"""Shifts that are worth a look."""
+
+PROMISING = 0.4
+"""Share of the largest gain from which on a shift is made finer."""
+
+HALVINGS = 7
+"""Of the time between moments, to the finest difference of shifts."""
+
+DOUBLINGS = 5
+"""Of that time, to the largest difference of shifts that are compared around the best one."""
+
+STRETCHES = 20
+"""Stretches of the recording whose gains are compared."""
+
+SIGNIFICANT = 4.0
+"""Standard errors by which any other shift must be worse."""
+
+LOCAL = 6.0
+"""Times the uncertainty: a rival that is farther away is another maximum, and nothing is named."""
+
+COMPARABLE, ALIKE = 1 / 3, 1 / 2
+"""Shares of the steps within the truth, and of the gain there, that make another shift a rival."""
+
+ROBUST = 16.0
+"""Times the median of (d / c)^p of pairs: those farther apart say little of small shifts."""
+
+LEAST_ERROR = 1 / 400
+"""Of (d / c)^p: errors that are smaller are taken to be as large."""
+
+ENOUGH_NEAR = 1 / 3
+"""Share of the pairs that there could be, that must be near."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How well a shift fits.
+
+    Parameters
+    ----------
+    shift : float
+        What is added to the stamps of the estimate.
+    costs : StepCosts
+        Of the truths at these moments, and the estimates.
+    inside : (S,) bool array, optional
+        Steps that are then within the recording of the truth; all by default.
+    sharp : float
+        >= 1, what (d / c)^p is multiplied by, as if the cutoff were smaller.
+    """
+
+    shift: float
+    costs: StepCosts
+    inside: Mask | bool = True
+    sharp: float = 1.0
+
+    @cached_property
+    def gain(self) -> Floats:
+        """What pairs save at each step, in units of c^p (S,)."""
+        gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
+        step = self.costs.step[self.costs.taken]
+        found = np.bincount(step, gain, minlength=self.costs.steps)
+        return np.asarray(found, np.float64)  # integers where there is none
+
+    @property
+    def sharpest(self) -> float:
+        """`sharpest` of its pairs."""
+        return sharpest(self.costs.lost)
+
+    @cached_property
+    def total(self) -> float:
+        """Of the gain."""
+        return float(self.gain.sum())
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """Pairs of each step (S,)."""
+        return np.bincount(self.costs.step[self.costs.taken], minlength=self.costs.steps)
+
+    @property
+    def is_close(self) -> bool:
+        """Whether a good part of what could be near is."""
+        most = self.costs.possible
+        steps = np.count_nonzero(self.pairs)
+        return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * most) and bool(
+            steps >= FEWEST_STEPS
+        )
+
+    def better(self, other: "Fit") -> float:
+        """By how many standard errors it fits better than another one."""
+        return significance(self.gain - other.gain)
+
+    def excels(self, other: "Fit") -> bool:
+        """Whether another one is no rival: it fits worse where both are within the truth.
+
+        Neither is one that has too few of these steps, or far less gain there.
+        """
+        both = self.inside & other.inside
+        if (
+            np.count_nonzero(both) < COMPARABLE * np.count_nonzero(self.inside)
+            or other.gain[both].sum() < ALIKE * self.gain[both].sum()
+        ):
+            return True
+        return significance((self.gain - other.gain)[both]) >= SIGNIFICANT
+
+
+STARTS, ROUNDS = 6, 6
+"""Shifts from which a displacement is looked for, and rounds of least squares."""
+
+OUTLIERS = 4.0
+"""Times the median error, beyond which a pair is not used."""
+
+VARIED = 0.02
+"""Share of the squared speeds that their differences must have."""
+
+SURE = 3.0
+"""Standard errors of a displacement that is one."""
+
+
+def sharpest(lost: Floats) -> float:
+    """What leaves a gain to pairs that are not much farther apart than usual: see `Fit.sharp`."""
+    usual = median(lost) if len(lost) else 1.0
+    return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
+
+
+def significance(values: Floats) -> float:
+    """Sum over steps, in standard errors that the sums of stretches tell."""
+    count = min(STRETCHES, len(values))
+    if not count:
+        return 0.0
+    sums = np.add.reduceat(values, np.arange(count) * len(values) // count)
+    total = float(sums.sum())
+    spread = float(np.square(sums - total / count).sum()) * count / max(count - 1, 1)
+    if spread > 1e-24 * total * total:
+        return total / float(np.sqrt(spread))
+    return float(np.sign(total)) * np.inf if total else 0.0
+
+
+class Search:
+    """For the shift of the estimate that fits best.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate as read.
+    moments : pair of (T,) float arrays
+        Their stamps on one clock, as far as that is known.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states without covariances.
+    """
+
+    def __init__(
+        self,
+        sides: tuple[Trajectories, Trajectories],
+        moments: tuple[Floats, Floats],
+        parameters: Parameters,
+        distance: Distance,
+    ) -> None:
+        self.truth, self.estimate = (side.seen_as(()) for side in sides)
+        self.moments, self.parameters, self.distance = moments, parameters, distance
+        self.steps = self._sampled()
+        self.rows = StepRows.of(self.estimate, self.steps)
+        self._fits = dict[tuple[float, float], Fit]()  # several ways lead to most shifts
+
+    def _sampled(self) -> Ints:
+        """Steps of the estimate that have rows, evenly spread."""
+        counts = np.bincount(self.estimate.step, minlength=len(self.estimate.times))
+        there = places_of(counts)
+        by_rows = int(SAMPLED * len(there) / max(int(counts.sum()), 1))
+        count = min(len(there), SAMPLED_TIMES, max(by_rows, FEWEST_STEPS))
+        return there[np.arange(count) * len(there) // max(count, 1)]
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there is enough to look at."""
+        return (
+            len(self.steps) >= FEWEST_STEPS
+            and all(bool(np.isfinite(own).all()) for own in self.moments)
+            and len(self.timeline.moments) > 1
+        )
+
+    @cached_property
+    def timeline(self) -> Timeline:
+        """Of the truth."""
+        return Timeline.of(self.truth, self.moments[0], self.parameters.cutoff, self.distance)
+
+    def fit(self, shift: float, sharp: float = 1.0) -> Fit:
+        """Of a shift, with another cutoff than that of the evaluation if need be."""
+        if (found := self._fits.get((shift, sharp))) is None:
+            if sharp != 1:
+                found = replace(self.fit(shift), sharp=sharp)
+            else:
+                wanted = self.moments[1][self.steps] + shift
+                found = Fit(
+                    shift,
+                    step_costs(self.timeline.at(wanted), self.rows, self.parameters, self.distance),
+                    inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
+                )
+            self._fits[shift, sharp] = found
+        return found
+
+    def offset(
+        self, others: Iterable[float], here: "Search | None" = None
+    ) -> tuple[float, float, float] | None:
+        """The shift that fits best, or None where the data do not say.
+
+        Parameters
+        ----------
+        others : iterable of float
+            Shifts that are worth a look anyway.
+        here : Search, optional
+            One whose shift by 0 is how things are, where that is on another clock.
+
+        Returns
+        -------
+        shift, uncertainty : float
+            What is added to the stamps of the estimate, and two standard errors of that.
+        saving : float
+            Share of the per-step GOSPA cost that goes away, without what is missed or false either
+            way.
+        """
+        tried = [self.fit(shift) for shift in (0.0, *others, *self._candidates())]
+        moved = self._beside_displacement(tried) if here is None else None
+        if moved is not None:
+            return moved or None
+        best = max(tried, key=lambda one: one.total)
+        best = self._finer(best, self.fit)
+        if not best.is_close:
+            return None
+        sharp = best.sharpest
+
+        def fit(shift: float) -> Fit:
+            return self.fit(shift, sharp)
+
+        tried = [fit(one.shift) for one in (*tried, best)]
+        most = max(one.total for one in tried)
+        tried += [self._finer(one, fit) for one in tried if one.total >= PROMISING * most]
+        best = max(tried, key=lambda one: one.total)
+        now = (here or self).fit(0.0, sharp)
+        if best.better(now) < SIGNIFICANT:
+            return None
+        uncertainty, reach = self._spread(best, tried, fit)
+        if not reach <= max(LOCAL * uncertainty, self.timeline.apart) < np.inf:
+            return None
+        first, last = (here or self).fit(0.0), self.fit(best.shift)
+        pairs = float(np.maximum(first.pairs, last.pairs).sum())
+        cost = pairs - first.total
+        if cost < NOTABLE_COST * pairs:
+            return None
+        return best.shift, uncertainty, 1 - max(pairs - last.total, 0.0) / cost
+
+    def _beside_displacement(
+        self, tried: list[Fit]
+    ) -> tuple[float, float, float] | tuple[()] | None:
+        """As of `offset`, where the estimate is displaced as well; None where that is not clear.
+
+        Nothing where it is displaced, and no shift fits better than none.
+
+        Errors of pairs are e = v s + b, v the velocities of the truths: the shift s and the
+        displacement b follow by least squares, if velocities differ. Without the shift there is the
+        displacement that fits best then.
+        """
+        if not isinstance(self.distance, Norm) or self.timeline.periods:
+            return None
+        starts = sorted(tried[1:], key=lambda one: -one.total)[:STARTS]
+        now = self._displaced(0.0, moves=False)
+        found = [one for one in (self._displaced(start.shift) for start in starts) if one]
+        if not found:
+            return None
+        best, uncertainty, is_sure = max(found, key=lambda one: one[0].total)
+        if not is_sure or not best.is_close:
+            return None
+        sharp, before = best.sharpest, self.fit(0.0) if now is None else now[0]
+        last, first = replace(best, sharp=sharp), replace(before, sharp=sharp)
+        pairs = float(np.maximum(before.pairs, best.pairs).sum())
+        cost = pairs - before.total
+        is_none = abs(best.shift) <= uncertainty
+        if is_none or last.better(first) < SIGNIFICANT or cost < NOTABLE_COST * pairs:
+            return ()
+        return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
+
+    def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
+        """The shift near this one and the displacement that fit best; None if unclear.
+
+        With two standard errors of the shift, and whether the displacement is more than noise.
+        """
+        offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
+        for _ in range(ROUNDS):
+            fit = self._fit_displaced(shift, offset)
+            if len(fit.costs.taken) < PAIRED:
+                return None
+            errors, speeds = self._errors(fit)
+            if len(errors) < PAIRED:
+                return None
+            centred = errors - np.median(errors, axis=0)
+            far = np.linalg.norm(centred, axis=1)
+            kept = far <= OUTLIERS * median(far)
+            errors, speeds = errors[kept], speeds[kept]
+            mean, speed = errors.mean(axis=0), speeds.mean(axis=0)
+            change = 0.0
+            if moves:
+                varied = speeds - speed
+                power = float(np.square(varied).sum())
+                if not power > VARIED * float(np.square(speeds).sum()):
+                    return None  # all go one way: the two are one
+                change = float((varied * (errors - mean)).sum()) / power
+                left = errors - mean - change * varied
+                noise = float(np.square(left).sum()) / max(left.size - left.shape[1] - 1, 1)
+                uncertainty = 2 * float(np.sqrt(noise / power))
+                spread = np.sqrt(noise / len(errors) + np.square(speed) * noise / power)
+                sure = bool((np.abs(mean - change * speed) > SURE * spread).any())
+            offset, shift = mean - change * speed, shift + change
+        least = self.timeline.apart / 2**HALVINGS
+        fit = self._fit_displaced(shift, offset)
+        return fit, max(uncertainty, least), sure
+
+    def _fit_displaced(self, shift: float, offset: Floats) -> Fit:
+        """Of a shift, with the estimate moved back by an offset."""
+        side = with_state(self.estimate, self.estimate.state - offset)
+        rows = StepRows(side=side, bounds=self.rows.bounds)
+        wanted = self.moments[1][self.steps] + shift
+        costs = step_costs(self.timeline.at(wanted), rows, self.parameters, self.distance)
+        return Fit(shift, costs)
+
+    def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
+        """Errors of the pairs as they were read, and velocities of their truths (N, d)."""
+        wanted = self.moments[1][self.steps] + fit.shift
+        half = self.timeline.apart / 2
+        at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
+        taken = fit.costs.taken
+        truth, estimate = (rows[taken] for rows in fit.costs.rows)
+        size = len(at.side.ids) + 1
+        number = {name: k for k, name in enumerate(at.side.ids.tolist())}
+
+        def keys(rows: StepRows) -> Ints:
+            ids = [number.get(name, size - 1) for name in rows.side.ids.tolist()]
+            track = np.array(ids, np.int64)[rows.track]
+            return np.asarray(rows.step.astype(np.int64) * size + track)
+
+        key = keys(at)[truth]
+        states, there = [], np.ones(len(key), bool)
+        for rows in (before, after):
+            own = keys(rows)
+            if not len(own):
+                return np.zeros((0, 1)), np.zeros((0, 1))
+            place = np.searchsorted(own, key).clip(max=len(own) - 1)
+            there &= own[place] == key
+            states.append(rows.table.state[place])
+        speeds = (states[1] - states[0]) / (2 * half)
+        errors = self.estimate.state[self.rows.row[estimate]] - at.table.state[truth]
+        return errors[there], speeds[there]
+
+    def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
+        """The local maximum from there on."""
+        step = self.timeline.apart
+        while step >= self.timeline.apart / 2**HALVINGS:
+            near = (fit(best.shift + sign * step) for sign in (1, -1))
+            moved = max(near, key=lambda one: one.total)
+            if moved.total > best.total and moved.shift != best.shift:
+                best = moved
+            else:
+                step /= 2
+        return best
+
+    def _spread(
+        self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
+    ) -> tuple[float, float]:
+        """Two standard errors of the shift, and how far the farthest rival is.
+
+        Near its maximum G is a parabola plus a line that noise tilts: what is lost by a shift, in
+        its own standard errors, grows with the shift, and is 1 at two standard errors of the best.
+        """
+        widths = self.timeline.apart * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
+        uncertainty = float(widths[0])
+        reach = max(
+            (abs(one.shift - best.shift) for one in tried if not best.excels(one)), default=0.0
+        )
+        for sign in (1, -1):
+            around = [fit(best.shift + sign * float(width)) for width in widths]
+            losses = [best.better(one) for one in around]
+            first = max((k + 1 for k, loss in enumerate(losses) if loss < 1), default=0)
+            if first == len(widths):
+                return np.inf, np.inf
+            if first:
+                uncertainty = max(
+                    uncertainty,
+                    float(widths[first]) / max(losses[first], 1.0),
+                    float(widths[first - 1]) if np.isinf(losses[first]) else 0.0,
+                )
+            reach = max(
+                reach, *(abs(one.shift - best.shift) * (not best.excels(one)) for one in around)
+            )
+        return uncertainty, reach
+
+    def _candidates(self) -> Floats:
+        """Shifts at which the most estimates are near a truth: local maxima of their gains."""
+        near, row = self._near_at_any_time()
+        if not len(near.gain):
+            return np.zeros(0)
+        theirs = self.moments[1][self.steps][self.rows.step[row]]
+        ours = self.timeline.moments[self.timeline.side.step]
+        shift = ours[near.rows[0]] - theirs[near.rows[1]]
+        low = float(shift.min())
+        place = np.rint((shift - low) / self.timeline.apart).astype(np.int64)
+        size = int(place.max()) + 1
+        key = near.rows[1] * np.int64(size) + place  # the nearest truth of each estimate counts
+        order = np.argsort(key, kind="stable")
+        first = places_of(np.diff(key[order], prepend=-1))
+        most = np.maximum.reduceat(near.gain[order], first)
+        places, at = np.unique(key[order[first]] % size, return_inverse=True)
+        score = np.bincount(at, most)
+        before = np.where(np.diff(places, prepend=-2) == 1, np.roll(score, 1), 0.0)
+        after = np.where(np.diff(places, append=size + 1) == 1, np.roll(score, -1), 0.0)
+        peaks = places_of((score > before) & (score >= after))
+        peaks = peaks[np.argsort(-score[peaks], kind="stable")][:CANDIDATES]
+        return np.asarray(low + self.timeline.apart * places[peaks])
+
+    def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
+        """Pairs that are near, whatever their times, of some rows of the sample, and these."""
+        side, size = self.timeline.side, len(self.rows.row)
+        truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
+
+        def near(chosen: Ints) -> StepCosts:
+            rows = self.rows.row[chosen]
+            some = self.estimate.chosen(
+                rows, np.zeros(len(rows), np.int32), self.estimate.times[:1]
+            )
+            estimates = StepRows(side=some, bounds=np.array([[0], [len(rows)]]))
+            return step_costs(truths, estimates, self.parameters, self.distance)
+
+        few = np.arange(0, size, -(-size // STRETCHES))
+        each = max(len(near(few).gain) / len(few), 1.0)
+        count = min(size, max(STRETCHES, int(PAIRS / each)))
+        chosen = np.arange(count) * size // count
+        return near(chosen), chosen
+
 
 COMMON_SHARE = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""

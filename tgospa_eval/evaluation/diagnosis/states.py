@@ -24,7 +24,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
     with_state,
 )
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 

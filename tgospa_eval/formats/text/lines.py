@@ -20,9 +20,18 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import compiled
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import Roles
-from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, floats, is_number
+from tgospa_eval.formats.fields import (
+    MISSING,
+    Coded,
+    TimeError,
+    attribute_of,
+    floats,
+    is_number,
+    read_times,
+    remedy_for,
+)
 from tgospa_eval.formats.guess import COMMENTS
+from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import (
     Rows,
     blanks,
@@ -31,7 +40,6 @@ from tgospa_eval.formats.rows import (
     numbered,
     without_ids,
 )
-from tgospa_eval.formats.times import TimeError, read_times, remedy_for
 from tgospa_eval.text import option, quoted
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")

@@ -7,13 +7,12 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import FIRST_ALIASES
-from tgospa_eval.formats.fields import floats, is_number
+from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
+from tgospa_eval.formats.headers import FIRST_ALIASES
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import check_text, decode, numbers
-from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
+from tgospa_eval.tracks.weights import WeightsByTime, repeated
 
 MATRIX_NEEDED = "a matrix d x d is needed, without header"
 WEIGHTS_HEADER = "t,weight[,switch_weight]"

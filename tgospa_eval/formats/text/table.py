@@ -31,19 +31,13 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import (
-    BOX,
-    Roles,
-    are_numbers,
-    find_roles,
-    placed_names,
-    without_header,
-)
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
+from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
 from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
 from tgospa_eval.formats.text.lines import (
     BLANKS,

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import DistanceSettings
-from tgospa_eval.distances.clouds.transport import (
+from tgospa_eval.distances.transport import (
     RESAMPLING,
     Cloud,
     as_cloud,

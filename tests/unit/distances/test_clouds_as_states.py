@@ -36,8 +36,8 @@ from tgospa_eval.distances import (
     cloud_wasserstein,
     near_pairs,
 )
-from tgospa_eval.distances.clouds import distance as bounds
-from tgospa_eval.distances.clouds.distance import reduced
+from tgospa_eval.distances import clouds as bounds
+from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES

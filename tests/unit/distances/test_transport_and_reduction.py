@@ -19,13 +19,13 @@ from tgospa_eval.distances import (
     restrict_cloud,
     transport_plan,
 )
-from tgospa_eval.distances.clouds.reduction import (
+from tgospa_eval.distances.reduction import (
     METHODS,
     Reduction,
     sliced_wasserstein,
     slot_means,
 )
-from tgospa_eval.distances.clouds.transport import north_west
+from tgospa_eval.distances.transport import north_west
 from tgospa_eval.errors import ConfigError
 
 X = np.array([(0, 0), (2, 0), (0, 3)], float)

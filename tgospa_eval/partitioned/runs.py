@@ -23,15 +23,13 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import attributes_of
-from tgospa_eval.formats.columns.headers import Roles
+from tgospa_eval.formats.fields import EXACT_BELOW, Times
 from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
-from tgospa_eval.formats.times import EXACT_BELOW, Times
-from tgospa_eval.partitioned.input.listing import File
-from tgospa_eval.partitioned.input.tables import FilePiece
+from tgospa_eval.partitioned.files import File, FilePiece
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.attributes import Values, checked
-from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22
 """Distinct times that wait to be merged with those of other parts."""

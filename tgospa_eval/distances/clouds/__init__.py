@@ -1,1 +1,0 @@
-"""Clouds of weighted particles: Wasserstein distance, and fewer particles."""

@@ -1,0 +1,658 @@
+"""Costs and counts of the reported assignment, each in one slice or shared between slices.
+
+A cost belongs to a row: localisation and misses to that of the truth at the step, a false target to
+its own, a switch to the row of its truth at the step that it is booked at. Each share of a row
+adds to one slice, by sums in pairs: slices add up to the total but for a few roundings.
+
+Values of attributes are columns, or follow from the states; by them each state belongs to a slice,
+or to several with a share each.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from itertools import pairwise
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.distances import Distance, Resources
+from tgospa_eval.distances.pair_search import prepared_pairs
+from tgospa_eval.distances.sphere import Haversine
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, source_of
+from tgospa_eval.evaluation.prepare import AlignedPair
+from tgospa_eval.evaluation.slicing import DERIVED, Attribute, SliceBy, parse_slices
+from tgospa_eval.evaluation.uniqueness import is_unique
+from tgospa_eval.formats.fields import EXACT_BELOW
+from tgospa_eval.formats.headers import BOX
+from tgospa_eval.problem.problem import Objects, sum_by
+from tgospa_eval.problem.states import ONE, States, changes, spare
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.slices import (
+    AND_MORE,
+    BETWEEN_EDGES,
+    BEYOND_LAST,
+    CROSSED,
+    NO_ATTRIBUTE,
+    NO_VALUE,
+    UNDER,
+    UNNAMED,
+    Slice,
+    Slicing,
+    added_up,
+)
+from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.tracks.conversion import SECOND
+from tgospa_eval.tracks.trajectories import Trajectories, Values
+
+MOST_DISTINCT = 20
+"""Different numbers that have a slice each where no edges are given."""
+
+MOST_SLICES, MOST_CROSSINGS = 200, 5_000
+"""By one attribute, and by two."""
+
+NOT_KNOWN = -1.0
+"""How MOTChallenge and KITTI write a share that is not known."""
+
+QUARTILES = (0.25, 0.5, 0.75)
+
+
+SideShare = tuple[Ints, Floats]
+"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Members:
+    """The slices by one attribute or two, and what is in them.
+
+    Parameters
+    ----------
+    names : list of str
+        Of all slices.
+    shares : tuple of tuple of SideShare
+        Of truth and estimate; of each row they sum to 1.
+    kept : (n,) bool array
+        Slices that are shown even if nothing is in them.
+    """
+
+    names: list[str]
+    shares: tuple[tuple[SideShare, ...], ...]
+    kept: Mask
+
+    def crossed(self, other: "Members") -> "Members":
+        """The slices by both attributes."""
+        size = len(other.names)
+        shares = tuple(
+            tuple((a * size + b, x * y) for (a, x), (b, y) in zip(mine, theirs, strict=True))
+            for mine in self.shares
+            for theirs in other.shares
+        )
+        names = [f"{first}{CROSSED}{second}" for first in self.names for second in other.names]
+        return Members(names=names, shares=shares, kept=np.zeros(len(names), bool))
+
+
+def members(
+    attribute: Attribute,
+    values: tuple[Values | None, Values | None],
+    rows: tuple[int, int],
+    *,
+    summed: bool,
+) -> Members:
+    """The slices of one attribute.
+
+    Parameters
+    ----------
+    attribute : Attribute
+        What is asked for.
+    values : pair of (R,) arrays or None
+        Of truth and estimate.
+    rows : pair of int
+        How many each side has.
+    summed : bool
+        Whether ranges must not depend on the data.
+
+    Raises
+    ------
+    ConfigError
+        The values do not fit what is asked for, or there would be too many slices.
+    """
+    there = [side for side in values if side is not None]
+    texts = [side for side in there if side.dtype.kind == "O" and any(side.tolist())]
+    if attribute.weight:
+        return _weighted(attribute, _numbers(attribute, values, texts, "weight"), rows)
+    if attribute.edges:
+        numbers = _numbers(attribute, values, texts, "edges")
+        return _ranged(attribute.edges, numbers, rows)
+    if texts or attribute.values:
+        return _by_text(attribute, values, rows, summed=summed)
+    numbers = _numbers(attribute, values, texts, "edges")
+    found = [side[~np.isnan(side)] for side in numbers if side is not None]
+    distinct = np.unique(np.concatenate(found))
+    if len(distinct) <= MOST_DISTINCT:
+        names = list(map(_shown, distinct.tolist()))
+        inside = [
+            None if side is None else np.where(np.isnan(side), -1, np.searchsorted(distinct, side))
+            for side in numbers
+        ]
+        return _numbered(names, inside, rows)
+    edges = _quarters(next(side for side in found if np.isfinite(side).any()))
+    if summed:
+        shown = ":".join(f"{edge:g}" for edge in edges)
+        raise ConfigError(
+            f"{option('slices', attribute.name)}: {len(distinct):,} different values from "
+            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges: "
+            f"{attribute.name}=:{shown}:"
+        )
+    return _ranged((-np.inf, *edges, np.inf), numbers, rows)
+
+
+def _numbers(
+    attribute: Attribute,
+    values: Sequence[Values | None],
+    texts: Sequence[Values],
+    wanted: str,
+) -> list[Floats | None]:
+    """The values as numbers; a column of blanks alone is one of missing numbers."""
+    if texts:
+        given = texts[0][texts[0] != ""]
+        shown = listed(sorted(set(given.tolist()))[:5])
+        raise ConfigError(
+            f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), for which there "
+            f"is no {wanted}; by value: {option('slices', attribute.name)}"
+        )
+    return [
+        None
+        if side is None
+        else np.full(len(side), np.nan)
+        if side.dtype.kind == "O"
+        else side.astype(np.float64)
+        for side in values
+    ]
+
+
+def _weighted(
+    attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
+) -> Members:
+    """Two slices, with the share w and 1 - w of each row; a third for rows without a value."""
+    values = [
+        None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
+    ]
+    for side, role in zip(values, ("truth", "estimate"), strict=True):
+        if side is not None:
+            wrong = side[(side < 0) | (side > 1)]
+            if len(wrong):
+                raise ConfigError(
+                    f"{option('slices')} {attribute.name}=weight: {attribute.name} of the {role} "
+                    f"is {wrong[0]:g}; a weight must be from 0 to 1"
+                )
+    names = [attribute.name, f"1 - {attribute.name}"]
+    whole = _numbered(
+        names, [None if side is None else np.where(np.isnan(side), -1, 0) for side in values], rows
+    )
+    first = [
+        (place, np.ones(len(place)) if side is None else np.where(np.isnan(side), 1.0, side))
+        for (place, _), side in zip(whole.shares[0], values, strict=True)
+    ]
+    second = [(np.where(place == 0, 1, place), 1 - share) for place, share in first]
+    return Members(names=whole.names, shares=(tuple(first), tuple(second)), kept=whole.kept)
+
+
+def _ranged(
+    edges: Sequence[float], values: Sequence[Floats | None], rows: tuple[int, int]
+) -> Members:
+    """A slice from each edge to before the next, the last with its end, and what is outside."""
+    inner = [edge for edge in edges if np.isfinite(edge)]
+    low, high = edges[0] == -np.inf, edges[-1] == np.inf
+    names = [f"{UNDER}{_shown(inner[0])}"]
+    names += [f"{_shown(a)}{BETWEEN_EDGES}{_shown(b)}" for a, b in pairwise(inner)]
+    names.append(f"{_shown(inner[-1])}{AND_MORE}" if high else f"{BEYOND_LAST}{_shown(inner[-1])}")
+    inside: list[Ints | None] = []
+    for side in values:
+        if side is None:
+            inside.append(None)
+            continue
+        place = np.searchsorted(inner, side, side="right")
+        if not high:
+            place[side == inner[-1]] -= 1
+        inside.append(np.where(np.isnan(side), -1, place))
+    kept = np.ones(len(names), bool)
+    kept[0], kept[-1] = low, high
+    return _numbered(names, inside, rows, kept)
+
+
+def _by_text(
+    attribute: Attribute,
+    values: Sequence[Values | None],
+    rows: tuple[int, int],
+    *,
+    summed: bool,
+) -> Members:
+    """A slice for each text, or for those that are named and one for all others."""
+    sides = [None if side is None else _as_texts(side).tolist() for side in values]
+    there = {text for side in sides for text in side or ()} - {""}
+    names = list(attribute.values) or sorted(there, key=natural)
+    if there and not summed and attribute.values and not there & set(names):
+        raise ConfigError(
+            f"{option('slices')} {attribute.name}={':'.join(names)}: there is none of these, but "
+            f"{listed(sorted(there, key=natural)[:10])}"
+        )
+    if len(names) > MOST_SLICES:
+        raise ConfigError(
+            f"{option('slices', attribute.name)}: {len(names):,} different values; name those "
+            f"that are of interest, {attribute.name}={names[0]}:{names[1]}"
+        )
+    number_of = {text: k for k, text in enumerate(names)} | {"": -1}
+    if there - set(names):
+        names = [*names, UNNAMED]
+    last = len(names) - 1
+    inside = [
+        None
+        if side is None
+        else np.fromiter((number_of.get(text, last) for text in side), np.int64, len(side))
+        for side in sides
+    ]
+    return _numbered(names, inside, rows)
+
+
+def _as_texts(values: Values) -> Values:
+    """Numbers beside the texts of another side, as texts."""
+    if values.dtype.kind == "O":
+        return values
+    texts = ["" if value != value else _shown(value) for value in values.tolist()]
+    return np.array(texts, dtype=object)
+
+
+def _numbered(
+    names: list[str],
+    inside: Sequence[Ints | None],
+    rows: tuple[int, int],
+    kept: Mask | None = None,
+) -> Members:
+    """With slices for rows without a value, -1, and for a side without the attribute, None."""
+    size = len(names)
+    truth, estimate = (
+        np.full(count, size + 1) if side is None else np.where(side < 0, size, side)
+        for side, count in zip(inside, rows, strict=True)
+    )
+    shown = np.zeros(size + 2, bool)
+    shown[:size] = True if kept is None else kept
+    return Members(
+        names=[*names, NO_VALUE, NO_ATTRIBUTE],
+        shares=(tuple((side, np.broadcast_to(1.0, len(side))) for side in (truth, estimate)),),
+        kept=shown,
+    )
+
+
+def _shown(value: float) -> str:
+    """A number of a name: as short as it can be."""
+    return str(int(value)) if value.is_integer() and abs(value) < EXACT_BELOW else repr(value)
+
+
+def _quarters(values: Floats) -> list[float]:
+    """Quartiles, rounded to two digits."""
+    finite = np.sort(values[np.isfinite(values)])
+    ends = (finite[int(share * (len(finite) - 1))] for share in QUARTILES)
+    return sorted({float(f"{end:.2g}") for end in ends})
+
+
+INSIDE, OUTSIDE = "inside", "outside"
+"""Of a region."""
+
+
+def values_of(
+    sides: tuple[Trajectories, Trajectories],
+    attribute: Attribute,
+    distance: Distance,
+    cutoff: float,
+) -> tuple[Values | None, Values | None]:
+    """Of each row of truth and estimate; None where a side has no such attribute.
+
+    A column goes before what would follow from the states under the same name.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate on one grid.
+    attribute : Attribute
+        Which.
+    distance : Distance
+        Base distance.
+    cutoff : float
+        Neighbours are nearer than this.
+
+    Raises
+    ------
+    ConfigError
+        Neither side has it.
+    """
+    first, second = (_column(side, attribute.name) for side in sides)
+    name = attribute.name.partition("@")[0]
+    if first is None and second is None and name in DERIVED:
+        makers: dict[str, Callable[[Trajectories], Values | None]] = {
+            "range": lambda side: _ranges(side, attribute),
+            "speed": _speeds,
+            "size": _sizes,
+            "age": _ages,
+            "density": lambda side: _neighbours(side, distance, cutoff),
+            "region": lambda side: _inside(side, attribute),
+        }
+        first, second = map(makers[name], sides)
+    if first is None and second is None:
+        raise ConfigError(_unknown(sides, attribute))
+    return first, second
+
+
+def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
+    """How many other objects of this side are nearer than the cutoff."""
+    seen = side.seen_as(distance.kinds)
+    effort = Resources(jobs=1)
+    both, distance = distance.prepared((seen, seen), effort)
+    margin = distance.margin(both, cutoff)
+    pairs = prepared_pairs(both, cutoff, distance, effort, margin=margin)
+    nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
+    pairs = pairs.chosen(np.flatnonzero(nearer))
+    others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
+    return np.bincount(others, minlength=len(side.step)).astype(np.float64)
+
+
+def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> str:
+    """What to say of an attribute that neither side has."""
+    name = attribute.name
+    offered = {header for side in sides for header in side.offered}
+    for column, _, _ in attribute.ranges:
+        if all(_column(side, column) is None for side in sides):
+            name = column
+            break
+    if name in offered:
+        return (
+            f"{option('slices')} {quoted(name)}: the column was not read; name it where the files "
+            "are read"
+        )
+    known = (("id", "t", *side.columns, *side.attributes) for side in sides)
+    there = sorted(offered.union(*known))
+    if name == "size":
+        return (
+            f"{option('slices', 'size')}: neither side has boxes, nor columns width and height "
+            f"(found: {listed(there)})"
+        )
+    return (
+        f"{option('slices')} {quoted(name)}: neither side has such a column (found: "
+        f"{listed(there)}); beside columns there are {', '.join(DERIVED)}"
+    )
+
+
+def _column(side: Trajectories, name: str) -> Values | None:
+    """A column by its name: asked for, of the states, ids or times."""
+    if name in side.attributes:
+        given: Values = side.attributes[name]
+        return given
+    if name in side.columns:
+        return np.asarray(side.state[:, side.columns.index(name)], np.float64)
+    if name in ("x", "y") and side.columns == BOX:
+        return np.asarray(_positions(side)["xy".index(name)], np.float64)
+    if name == "id":
+        return np.asarray(side.ids[side.track], dtype=object)
+    if name == "t":
+        if side.labels is None:
+            return np.asarray(side.times[side.step], np.float64)
+        return np.asarray(side.labels[side.step], dtype=object)
+    return None
+
+
+def _is_earth(side: Trajectories) -> bool:
+    return "lat" in side.columns and "lon" in side.columns
+
+
+def _positions(side: Trajectories) -> Floats:
+    """Where the objects are, (d, R): places, not speeds that states may have beside them."""
+    if side.columns == BOX:
+        left, top, width, height = side.state.T
+        return np.stack((left + 0.5 * width, top + 0.5 * height))
+    names = [name for name in ("lat", "lon") if _is_earth(side)]
+    names = names or [name for name in ("x", "y", "z") if name in side.columns]
+    places = [side.columns.index(name) for name in names or side.columns]
+    return np.ascontiguousarray(side.state.T[places])
+
+
+def _apart(side: Trajectories, first: Floats, second: Floats) -> Floats:
+    """Lengths between places (d, N), on the Earth in metres."""
+    if _is_earth(side):
+        return Haversine().between(zip(first, second, strict=True))
+    difference: Floats = first - second
+    with np.errstate(over="ignore"):
+        return np.asarray(reduce(np.hypot, difference[1:], np.abs(difference[0])))
+
+
+def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
+    """Distance from a point, by as many coordinates as that has; from 0 if none is given."""
+    places = _positions(side)
+    origin = np.array(attribute.origin or (0.0,) * len(places))
+    if _is_earth(side) and len(origin) != len(places):
+        raise ConfigError(
+            f"{option('slices', 'range')}: of latitudes and longitudes write range@LAT,LON"
+        )
+    if len(origin) > len(places):
+        raise ConfigError(
+            f"{option('slices', attribute.name)}: the point has {len(origin)} numbers, positions "
+            f"have {len(places)} ({', '.join(side.columns)})"
+        )
+    places = places[: len(origin)]
+    return _apart(side, places, np.broadcast_to(origin[:, None], places.shape))
+
+
+def _speeds(side: Trajectories) -> Floats:
+    """Length of the velocity, of the states if they have one, else from the neighbours in time.
+
+    From the row before to the row after, at the ends of a track from or to the row itself; per
+    second where times are ISO times. A track of one row has none.
+    """
+    velocity = [side.columns.index(name) for name in ("vx", "vy", "vz") if name in side.columns]
+    if velocity:
+        return np.asarray(np.hypot.reduce(side.state[:, velocity].T, axis=0))
+    order = np.lexsort((side.step, side.track))
+    track = side.track[order]
+    same = track[1:] == track[:-1]
+    before = np.arange(len(order)) - np.append(False, same)[: len(order)]
+    after = np.arange(len(order)) + np.append(same, False)[: len(order)]
+    times = side.times[side.step[order]]
+    span = (times[after] - times[before]).astype(np.float64)
+    places = _positions(side)
+    if side.clock != "number":
+        span /= SECOND
+    speed = np.full(len(order), np.nan)
+    moved = np.flatnonzero(span > 0)
+    ends = (order[at[moved]] for at in (after, before))
+    way = _apart(side, *(places.take(end, axis=1) for end in ends))
+    speed[order[moved]] = way / span[moved]
+    return speed
+
+
+def _sizes(side: Trajectories) -> Floats | None:
+    """Area of boxes: of the states, or width times height of columns, else times length."""
+    if side.columns == BOX:
+        return side.state[:, 2] * side.state[:, 3]
+    width = _extent(side, "width", ("left", "right"))
+    height = _extent(side, "height", ("top", "bottom"))
+    other = _extent(side, "length", ()) if height is None else height
+    return None if width is None or other is None else width * other
+
+
+def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
+    """A size by its column, or by those of both ends, as far as they are numbers."""
+    found = [side.attributes.get(column) for column in (name, *ends)]
+    numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in found]
+    if numbers[0] is not None or not ends:
+        return numbers[0]
+    first, last = numbers[1:]
+    return None if first is None or last is None else last - first
+
+
+def _ages(side: Trajectories) -> Floats:
+    """Steps since the first of the track."""
+    first = np.zeros(len(side.ids), side.step.dtype)
+    first[side.track[::-1]] = side.step[::-1]
+    return (side.step - first[side.track]).astype(np.float64)
+
+
+def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
+    """Whether all columns of a region are in their ranges, ends included; blank if one is."""
+    inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
+    for name, low, high in attribute.ranges:
+        values = _column(side, name)
+        if values is None:
+            return None
+        if values.dtype.kind != "f":
+            raise ConfigError(
+                f"{option('slices', 'region')}: column {quoted(name)} has texts, not numbers"
+            )
+        known &= ~np.isnan(values.astype(np.float64))
+        inside &= (values >= low) & (values <= high)
+    names = np.array(["", OUTSIDE, INSIDE], dtype=object)
+    place: Ints = np.where(known, 1 + inside, 0)
+    return np.asarray(names[place])
+
+
+RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
+"""What each row of truth and estimate costs, in units of c^p, and how often: localisation, misses
+and switches of truths, false targets of estimates."""
+
+
+def cut(fitted: AlignedPair, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Members]:
+    """What each row of two sides belongs to, by what is asked for; known before a solution.
+
+    Raises
+    ------
+    ConfigError
+        There is no such attribute, or its values do not fit.
+    """
+    return {by.text: _members(by, fitted, cutoff) for by in asked}
+
+
+def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
+    """The costs of a result of these two sides."""
+    costs = row_costs(result.proof.states, result.proof.weights)
+    unique = is_unique(result.proof, result.gap, everywhere=True)
+    return tuple(
+        Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
+        for by, found in members.items()
+    )
+
+
+def slices_of(
+    result: PairEvaluation | EvaluationByClass, texts: Sequence[str], *, summed: bool = False
+) -> tuple[Slicing, ...]:
+    """A result split by what texts ask for; `summed`: to be added to those of others.
+
+    Raises
+    ------
+    ConfigError
+        As of `cut`, or the result was not made by `evaluate`.
+    """
+    if isinstance(result, EvaluationByClass):
+        parts = [slices_of(part, texts, summed=True) for part in result.results.values()]
+        return tuple(added_up(parts))
+    sides, _ = source_of(result)
+    members = cut(sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
+    return slicings(members, result)
+
+
+def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
+    aligned = fitted.alignment
+    sides, held = (aligned.truth, aligned.estimate), aligned.held
+    rows = len(sides[0].step), len(sides[1].step)
+    found = []
+    for attribute in by.attributes:
+        if held is None:
+            values = values_of(sides, attribute, fitted.distance, cutoff)
+        else:  # speeds and neighbours are those of reports
+            at = sides[0], held.reports
+            first, second = values_of(at, attribute, fitted.distance, cutoff)
+            values = first, None if second is None else second[held.row]
+        found.append(members(attribute, values, rows, summed=by.summed))
+    whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
+    if len(whole.names) > MOST_CROSSINGS:
+        raise ConfigError(
+            f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices"
+        )
+    return whole
+
+
+def row_costs(states: States, weights: Ints) -> RowCosts:
+    """The cost of an assignment, row by row."""
+    problem = states.problem
+    truths, estimates = problem.sides
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    entry, weight = states.entry[used], weights[used]
+
+    paid = weight / ONE * problem.cost[entry]
+    missed, false = (spare(side, entry, weight) / ONE for side in problem.sides)
+    moved, amount = changes(states, weights)
+    pair = np.searchsorted(states.pair_first, moved, side="right") - 1
+    step = states.begin[moved]
+    row = _row_at(truths, states.pair_truth[pair], step)
+    size = len(truths.step)
+    price = problem.switch_price_at[step] * amount
+    return (
+        {
+            "localisation": sum_by(truths.row[entry], paid, size),
+            "missed": missed * truths.price,
+            "missed_count": missed,
+            "switch": sum_by(row, price, size),
+            "switch_count": 0.5 * sum_by(row, amount, size),
+            "truth_steps": _judged(truths),
+        },
+        {
+            "false": false * estimates.price,
+            "false_count": false,
+            "estimate_steps": np.ones(len(estimates.step)),
+        },
+    )
+
+
+def _judged(truths: Objects) -> Floats:
+    """1 for each row that is judged."""
+    judged = np.ones(len(truths.step))
+    if truths.unjudged is not None:
+        judged[truths.unjudged] = 0.0
+    return judged
+
+
+def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
+    """The row of a truth at a step; where it does not exist then its next one, or its last."""
+    order = np.argsort(truths.track, kind="stable")
+    steps = int(truths.step.max(initial=0)) + 2
+    key = truths.track[order].astype(np.int64) * steps + truths.step[order]
+    place = np.searchsorted(key, track.astype(np.int64) * steps + np.minimum(step, steps - 1))
+    last = np.searchsorted(key, (track.astype(np.int64) + 1) * steps) - 1
+    found: Ints = order[np.minimum(place, last)]
+    return found
+
+
+def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
+    """The sums of all slices in which is anything, or that are shown without."""
+    size = len(whole.names)
+    sums: dict[str, Floats] = {}
+    for side, columns in enumerate(costs):
+        for part in whole.shares:
+            place, share = part[side]
+            order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")
+            first = np.searchsorted(place[order], np.arange(size + 1))
+            for name, value in columns.items():
+                found = _sum_of_parts((value * share)[order], first)
+                sums[name] = sums[name] + found if name in sums else found
+    for name in PARTS:
+        sums[name] = sums[name] * scale
+    # A slice of ignored truths alone has no states that count, but may have a switch.
+    there = whole.kept | np.logical_or.reduce([value > 0 for value in sums.values()])
+    return [
+        Slice(name=whole.names[k], **{name: float(value[k]) for name, value in sums.items()})
+        for k in np.flatnonzero(there).tolist()
+    ]
+
+
+def _sum_of_parts(value: Floats, first: Ints) -> Floats:
+    """Sums of contiguous parts, each in pairs: a sum of n terms is off by log2 n roundings."""
+    bounds = first.tolist()
+    return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

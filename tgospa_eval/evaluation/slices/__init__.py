@@ -1,1 +1,0 @@
-"""An evaluation split by attributes: what is asked for, values, bins, sums."""

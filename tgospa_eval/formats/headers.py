@@ -1,0 +1,544 @@
+"""Headers of a table: where a column is found, and which one was probably meant.
+
+Columns that each object has of its own are named by pattern, ``x=x{id},y=y{id}``.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.text import COMMAND, listed, option, quoted, surface
+
+if TYPE_CHECKING:
+    pass
+
+
+ID_MARK = "{id}"
+"""Id of an object in its headers."""
+
+PAIRED_NAMES = (("x", "y"), ("X", "Y"))
+
+
+def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
+    """Columns of each object that has all, by what they are; none if no header fits a pattern."""
+    patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
+    objects: dict[str, dict[str, int]] = {}
+    for name, pattern in patterns.items():
+        before, _, after = pattern.partition(ID_MARK)
+        fits = re.compile(f"{re.escape(before)}(.+){re.escape(after)}", re.IGNORECASE)
+        for column, header in enumerate(names):
+            if match := fits.fullmatch(header):
+                objects.setdefault(match[1], {}).setdefault(name, column)
+    return {key: columns for key, columns in objects.items() if len(columns) == len(patterns)}
+
+
+def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
+    """Columns of no object, but for those whose names are of the columns of objects."""
+    used = {k for columns in objects.values() for k in columns.values()}
+    taken = {"id", *next(iter(objects.values()))}
+    return [k for k, name in enumerate(names) if k not in used and name not in taken]
+
+
+def pattern_in(names: Sequence[str]) -> list[str]:
+    """Items of columns by pattern, if these headers may be pairs of several objects; or none."""
+    for one, two in PAIRED_NAMES:
+        first = [name for name in names if one in name and name.replace(one, two) in names]
+        before = _common(first)
+        after = _common([name[len(before) :][::-1] for name in first])[::-1]
+        pattern = f"{before}{ID_MARK}{after}"
+        is_whole = all(len(name) > len(before + after) for name in first)
+        if len(first) > 1 and is_whole and one in before + after:
+            return [f"x={pattern}", f"y={pattern.replace(one, two)}"]
+    return []
+
+
+def _common(texts: Sequence[str]) -> str:
+    """What all texts begin with."""
+    least, most = min(texts, default=""), max(texts, default="")
+    pairs = enumerate(zip(least, most, strict=False))
+    end = next((k for k, (a, b) in pairs if a != b), min(len(least), len(most)))
+    return least[:end]
+
+
+WEIGHT = "weight"
+"""Of particles."""
+
+NO_STATES = ("id", "t", "class", WEIGHT)
+"""Columns that are no part of the state, also where they are named."""
+
+PREFIXES = ("cov_", "std_", "rho_")
+"""Of entries of covariances."""
+
+SPREAD = re.compile(
+    r"(cov|var|std|sigma|rho)_\w+|p_\w+_\w+|p_?(\d_?\d|(?P<axis>[a-z])_?(?P=axis))", re.IGNORECASE
+)
+"""Headers that may be of covariances."""
+
+BOX = ("left", "top", "width", "height")
+CORNERS = ("left", "top", "right", "bottom")
+EDGES = (*BOX, "right", "bottom")
+
+SKIPPED = ("-", "_")
+"""Names of columns that are nothing."""
+
+
+def columns_of_each(
+    shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
+) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
+    """The columns of each file, and the names among them whose headers it may lack.
+
+    Parameters
+    ----------
+    shared : sequence of str, optional
+        Items for all files.
+    own : sequences of str, optional
+        Items for each, which go before. States that are named for one are those of all, if all are
+        `alike`.
+    """
+    maps, wanted = parse_columns(shared)
+    found = [parse_columns(items) for items in own]
+    # Of a table without a header, and of coordinates of another kind, they are its own.
+    placed = [not alike or "t" in (items or ()) for items in own]
+    each = zip(found, placed, strict=True)
+    named = wanted or next((states for (_, states), alone in each if states and not alone), ())
+    answer = []
+    for mapped, states in found:
+        chosen = named if named and set(states) <= set(named) else states
+        headers = maps | mapped
+        # Names of states in order, the others in front.
+        names = [*(name for name in headers if name not in chosen), *chosen]
+        items = tuple(f"{name}={headers[name]}" if name in headers else name for name in names)
+        answer.append((items or None, tuple(name for name in maps if name not in mapped)))
+    return answer
+
+
+def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Header of each mapped name, and the names of the state columns, in order.
+
+    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
+    named without ``=`` they are.
+    """
+    mapped: dict[str, str] = {}
+    wanted: dict[str, None] = {}  # in order, and quick to look in
+    for item in columns or ():
+        name, equals, header = (part.strip() for part in item.partition("="))
+        if name in SKIPPED and not equals:
+            continue
+        if not name or (equals and not header):
+            raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
+        if name in wanted or name in mapped:
+            raise ConfigError(f"columns: {quoted(name)} is given twice")
+        if ID_MARK in name and not equals:  # x{id}
+            header, equals, name = name, "=", name.replace(ID_MARK, "").strip(" _.-")
+        if equals:
+            mapped[name] = header
+        beside = name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
+        if name not in NO_STATES and not (equals and beside):
+            wanted[name] = None
+    return mapped, tuple(wanted)
+
+
+def has_patterns(options: ReadOptions) -> bool:
+    """Whether columns are named by pattern, for each object its own."""
+    return any(ID_MARK in item for item in options.columns or ())
+
+
+def ask(name: str, items: Sequence[str]) -> str:
+    """What to type or write so that these items are columns: ready to be pasted.
+
+    `name` is that of the option, or nothing for a DataFrame.
+    """
+    if name:
+        from shlex import quote  # lazy: for messages only
+
+        value = ",".join(items)
+        return option(name, quote(value) if surface.get() == COMMAND else value)
+    names = (item.partition("=")[::2] for item in items)
+    return f"rename(columns={ ({header: name for name, header in names if header})!r})"
+
+
+Mix = tuple[tuple[int, float], ...]
+"""A quantity as columns times factors: the centre of a box is left + 0.5 width."""
+
+FIRST_ALIASES = {
+    "id": ("id", "track_id", "target_id", "object_id"),
+    "t": ("t", "time", "timestamp", "frame", "step"),
+    "weight": ("weight", "w"),
+}
+"""Aliases in the order in which they are taken, before all others: case does not matter."""
+
+COORDINATE = (
+    "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
+    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c "
+    "pose_position_{0} pose_pose_position_{0}"
+)
+"""Aliases of each coordinate."""
+
+EDGE = "{0}{1} bb_{0}{1} bbox_{0}{1} box_{0}{1}"
+"""Aliases of edges of boxes by two corners."""
+
+HEADER_ALIASES = {
+    name: tuple(aliases.split())
+    for name, aliases in {
+        "id": f"{' '.join(FIRST_ALIASES['id'])} obj_id trk_id tid track uuid track_uuid "
+        "object_uuid "
+        "track_no track_num track_number target_number track_name target_name track_token "
+        "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
+        "tracker_id tracking_id player_id ship_id taxi_id individual_id "
+        "individual_local_identifier particle mmsi icao24",
+        "t": f"header_stamp {' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time "
+        "time_utc timestep frame_id frame_idx frame_index frame_no frame_num frame_number "
+        "base_date_time",
+        "x": COORDINATE.format("x") + " easting utm_easting east",
+        "y": COORDINATE.format("y") + " northing utm_northing north",
+        "z": COORDINATE.format("z"),
+        "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
+        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
+        "location_long",
+        "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
+        "gps_altitude elevation elev height hgt baro_altitude",
+        "elevation": "elevation elev",
+        "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
+        "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
+        "width": "width bb_width bbox_width box_width w bb_w bbox_w box_w",
+        "height": "height bb_height bbox_height box_height h bb_h bbox_h box_h",
+        "right": f"right bb_right bbox_right x_max {EDGE.format('x', 2)}",
+        "bottom": f"bottom bb_bottom bbox_bottom y_max {EDGE.format('y', 2)}",
+        "weight": " ".join(FIRST_ALIASES["weight"]),
+    }.items()
+}
+"""Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
+
+METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
+LENGTHS = (
+    *(*METRES, "px", "pixel", "pixels", "cm", "mm", "um", "µm", "μm", "nm"),
+    *("micron", "microns", "micrometer", "micrometers", "in", "inch", "inches"),
+)
+TIMES = (
+    *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
+    *("nanoseconds", "microseconds", "milliseconds", "utc", "unix", "frame", "frames"),
+)
+SECONDS = ("s", "sec", "secs", "second", "seconds")
+FRACTIONS = {
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 9),
+    **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
+    **dict.fromkeys(("ms", "msec", "msecs", "millisec", "millisecs", "milliseconds"), 3),
+}
+"""Last words of headers that are the second part of a stamp whose first are seconds: digits."""
+
+DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
+UNITS = {
+    "t": TIMES,
+    **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
+    **dict.fromkeys(("lat", "lon"), DEGREES),
+    "alt": ("m", "meter", "meters", "metre", "metres"),
+}
+"""Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
+
+HINTS = {
+    "id": "id$|mmsi|track|trk|obj|target|name|who",
+    "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
+}
+"""What headers have that may be meant where no alias is found."""
+
+AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
+"""In what the two headers of a position differ."""
+
+NO_HINT = (
+    "conf|score|prob|exist|quality|class|ness|"
+    "^d?v|vel|speed|acc|size|std|cov|var|rho|sigma|err|min|max|width|height"
+)
+"""In headers of what is measured beside ids, times and places, and so none of these."""
+
+
+GROUP = re.compile(
+    r"cid|(cluster|video|clip|movie|seq|sequence|camera|cam|recording|session|scene|scenario|"
+    r"episode|run|trial|experiment|mission|game|play|match)(_?(id|no|name|key|token))?",
+    re.IGNORECASE,
+)
+"""Headers of what ids may be numbered anew in."""
+
+
+class Headers:
+    """The headers of one table.
+
+    Parameters
+    ----------
+    names : sequence of str
+        They, stripped.
+    mapped : dict of str to str
+        Headers of columns that the user has named.
+    option : str
+        How the user names them, see `formats.headers.ask`.
+    where : str
+        Begins every message.
+    hidden : sequence of str
+        Headers that are taken where they are mapped alone.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        mapped: dict[str, str],
+        option: str,
+        where: str,
+        hidden: Sequence[str] = (),
+    ) -> None:
+        self.names, self.mapped, self.option, self.where = names, mapped, option, where
+        self.exact = {name: k for k, name in enumerate(names)}
+        first = names[0].lstrip("#% ") if names else ""
+        for name, header in mapped.items():
+            if header == first and first not in self.exact:  # which begins like a comment
+                mapped[name] = names[0]
+        self.folded: dict[str, list[int]] = {}
+        self.keyed: dict[str, list[tuple[int, str]]] = {}
+        self.hidden = {k for k, name in enumerate(names) if name in hidden}
+        for k, name in enumerate(names):
+            self.folded.setdefault(name.casefold(), []).append(k)
+            for key, unit in _keys(name):
+                self.keyed.setdefault(key, []).append((k, unit))
+
+    def spelt(self, header: str, name: str) -> int | None:
+        """Position of a header, upper and lower case aside; `name` is the column it is for."""
+        if header in self.exact:
+            return self.exact[header]
+        places = self.folded.get(header.casefold())
+        return self._only(places, name) if places else None
+
+    def find(self, name: str, *, plainly: bool = False) -> int | None:
+        """Position of a column: as mapped, by its name, else, if not `plainly`, by an alias.
+
+        Raises
+        ------
+        InputError
+            Several headers may be it.
+        """
+        if name in self.mapped:
+            return self.spelt(self.mapped[name], name)
+        taken = self.taken
+        for alias in (name,) if plainly else FIRST_ALIASES.get(name, (name,)):
+            found = self.spelt(alias, name)
+            if found is not None and found not in taken:
+                return found
+        return None if plainly else self._only(self.places(name), name)
+
+    def compared(self, name: str, asked_by: str) -> int:
+        """Position of a column that a filter compares, also one that is something else as well.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        column = None if name in self.mapped else self.spelt(name, name)
+        column = self.find(name) if column is None else column
+        if column is None:
+            way = f"; {self.way_of_one_side}" if asked_by == option("where") else ""
+            raise InputError(
+                f"{self.where}: no column {quoted(name)} for {asked_by} (found: {self.shown}); "
+                f"name one of these{way}"
+            )
+        return column
+
+    @property
+    def way_of_one_side(self) -> str:
+        """What to do about a column that one file alone has, for messages."""
+        first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
+        ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
+        return f"{ways} is for a column of one file, 'score >= 0.5'"
+
+    @property
+    def taken(self) -> set[int]:
+        """Positions that are something else: mapped to other columns, or hidden."""
+        mapped = {self.spelt(header, name) for name, header in self.mapped.items()}
+        return self.hidden | {k for k in mapped if k is not None}
+
+    def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
+        """A notice if unused headers may be a column as well as the one taken by an alias."""
+        if name in self.mapped or self.spelt(name, name) is not None:
+            return
+        found = self.find(name)
+        others = [self.names[k] for k in self.places(name) if k != found]
+        others = [header for header in others if header in unused]
+        stamp = two_parts_of_a_stamp(unused) if name == "t" else None
+        if stamp is not None:
+            others = ["+".join(stamp)]
+        if found is not None and others:
+            passed = " or ".join(map(quoted, others))
+            remedy = ask(self.option, [f"{name}={others[0]}"])
+            taken = quoted(self.names[found])
+            yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
+
+    def places(self, name: str) -> list[int]:
+        """Positions of all headers that may be a column, the most usual first."""
+        units = UNITS.get(name, ())
+        places = (
+            k
+            for key in _aliases(name)
+            for k, unit in self.keyed.get(key, ())
+            if not unit or unit in units
+        )
+        taken = self.taken
+        return [k for k in dict.fromkeys(places) if k not in taken]
+
+    def _only(self, places: list[int], name: str) -> int | None:
+        if len(places) > 1:
+            alike = " and ".join(quoted(self.names[k]) for k in sorted(places))
+            both = "both" if len(places) == 2 else "all"
+            remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
+            raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")
+        return places[0] if places else None
+
+    @property
+    def shown(self) -> str:
+        """The headers, if not too many."""
+        return listed(self.names)
+
+    def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
+        """Headers that may be meant by columns that were not found, by what they have in them.
+
+        `wanted` are their names, ``position`` is any two of the state; headers that are `used` are
+        something else.
+        """
+        free = [
+            name
+            for k, name in enumerate(self.names)
+            if k not in used and name.isprintable() and "," not in name
+        ]
+        free = [name for name in free if not re.search(NO_HINT, name, re.IGNORECASE)]
+        found: dict[str, str] = {}
+        for name, hint in HINTS.items():
+            meant = [header for header in free if re.search(hint, header, re.IGNORECASE)]
+            meant.sort(key=lambda header: GROUP.fullmatch(header) is not None)
+            if name in wanted and meant:
+                found[name] = meant[0]
+        pairs = (
+            {"x": header, "y": header.replace(one, two)}
+            for one, two in AXIS_PAIRS
+            for header in free
+            if one in header and header.replace(one, two) in free
+        )
+        return found | next(pairs, {}) if "position" in wanted else found
+
+
+def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
+    """Two of these headers that are one stamp, as secs and nsecs."""
+    words = {name: words_of(name) for name in names}
+    whole = {tuple(found[:-1]): name for name, found in words.items() if found[-1] in SECONDS}
+    for name, (*stem, unit) in words.items():
+        first = whole.get(tuple(stem))
+        if unit in FRACTIONS and first is not None:
+            return first, name
+    return None
+
+
+def words_of(header: str) -> list[str]:
+    """Words of a header, without case."""
+    return re.findall(r"[^\W_]+", header.casefold()) or [""]
+
+
+CLOSING = tuple(")]>}")
+IN_BRACKETS = re.compile(r"(.+?)[(\[<{]([^()\[\]<>{}]+).")
+"""Name and unit of a header that ends with a unit in brackets."""
+
+
+def _joined(header: str) -> str:
+    """Without case, blanks and punctuation."""
+    return "".join(re.findall(r"[^\W_]+", header)).casefold()
+
+
+@cache
+def _aliases(name: str) -> tuple[str, ...]:
+    """The aliases of a column, each as one word, the most usual first."""
+    return tuple(dict.fromkeys(map(_joined, HEADER_ALIASES.get(name, ()))))
+
+
+def _keys(header: str) -> Iterator[tuple[str, str]]:
+    """The header as one word, and without its last word, which may be a unit: that word too."""
+    header = header.removeprefix("field.")  # of rostopic echo -p
+    words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
+    yield "".join(words).casefold(), ""
+    if header.endswith(CLOSING) and (within := IN_BRACKETS.fullmatch(header)):
+        yield _joined(within[1]), within[2].strip().casefold()
+    elif len(words) > 1:
+        yield "".join(words[:-1]).casefold(), words[-1].casefold()
+
+
+DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
+
+
+def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
+    """Take back what is mapped to headers that another file may have; the message if none has.
+
+    Raises
+    ------
+    InputError
+        A header is missing that this very file should have.
+    """
+    missing = {}
+    spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
+    points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
+    for name, header in list(headers.mapped.items()):
+        if headers.spelt(header, name) is None:
+            from difflib import get_close_matches  # lazy: for mistakes only
+
+            near = next(iter(get_close_matches(header, headers.names, n=1)), None)
+            wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
+            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
+            known = (near or "HEADER").replace("\\", r"\\")
+            mended = [wrong.sub(rf"\g<1>{known}", item) for item in given]
+            remedy = ask(headers.option, mended)
+            fault = (
+                f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
+                f"{f'did you mean {remedy}?' if near else f'name one of these, {remedy}'}"
+            )
+            if name not in options.shared and not (points and name in spreads):
+                raise InputError(fault)
+            missing[name] = fault
+            del headers.mapped[name]
+    return missing
+
+
+def absent(
+    headers: Headers,
+    needed: tuple[int | None, int | None],
+    states: dict[str, Mix | None],
+) -> str:
+    """The message about columns that are missing, with what to type."""
+    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
+    lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
+    used = {k for k in needed if k is not None}
+    used |= {k for mix in states.values() for k, _ in mix or ()}
+    found = headers.guess(missing, used)
+    if "position" in missing and "x" not in found:
+        found |= {"x": "HEADER", "y": "HEADER"}
+    named = {name: found.get(name, "HEADER") for name in missing if name != "position"} | found
+    # What the user has mapped stays so, and so does the choice of states.
+    named |= headers.mapped
+    if "id" in missing:
+        free = [name for name in headers.names if not re.search(NO_HINT, name, re.IGNORECASE)]
+        if pattern := pattern_in(free):
+            times = [f"t={named['t']}"] if "t" in named else []
+            remedy = ask(headers.option or "columns", [*times, *pattern])
+            return f"{lost}; if each object has columns of its own, {remedy}; else {DETECTIONS}"
+    items = [f"{name}={header}" for name, header in named.items()]
+    if set(states) & set(missing):
+        items += [name for name in states if name not in named]
+    also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
+    if also and missing == ["id"]:
+        also += "; where each file is an object, add a column id with its name"
+    boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
+    if "position" in missing and boxes:
+        if boxes[0].endswith(".0"):
+            corners = [f"{name}={boxes[0][:-1]}{k}" for k, name in enumerate(CORNERS)]
+            sizes = [f"{name}={boxes[0][:-1]}{k}" for k, name in enumerate(BOX)]
+            own = [f"{name}={header}" for name, header in named.items() if name not in ("x", "y")]
+            own = [item for item in own if item.partition("=")[0] != "position"]
+            both = [ask(headers.option, [*own, *four]) for four in (corners, sizes)]
+            return f"{lost}; map the box with {both[0]} if it is two corners, {both[1]} if its size"
+        also += f"; {boxes[0]} is read from columns left, top and width, height or right, bottom"
+    return f"{lost}; rename what is meant, or map it with {ask(headers.option, items)}{also}"

@@ -1,0 +1,525 @@
+"""Files of one side in parts: which there are, digests, and the rows of a piece of one."""
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import unquote
+
+import numpy as np
+
+from tgospa_eval.common.arrays import in_batches
+from tgospa_eval.common.documents import TEXT, checked
+from tgospa_eval.common.files import CHUNK, STDIN, named
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.common.writing import writing
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.arrow import arrow_rows, check_types, readable
+from tgospa_eval.formats.guess import GUESSED_FROM, guess, is_table_folder
+from tgospa_eval.formats.loading import PACKED_FROM, check_parquet, is_packed, plain_name, unpacking
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.roles import Roles, find_roles
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
+from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
+from tgospa_eval.partitioned.tasks import Run, removing
+from tgospa_eval.text import listed, visible
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")
+"""Of names, without those of compressed files."""
+
+HIDDEN = ("_", ".")
+"""How names begin of what writers leave beside the data: _SUCCESS, _metadata, .crc."""
+
+NOT_IN_PARTS = "only Parquet and CSV are read in parts"
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of a side.
+
+    Parameters
+    ----------
+    path : str
+        What it is called in messages.
+    place : str
+        Where it is, for workers in whatever folder.
+    keys : tuple of pairs of str
+        Names and values of the folders ``key=value`` that it is in.
+    """
+
+    path: str
+    place: str
+    keys: tuple[tuple[str, str], ...] = ()
+
+
+def files_of(path: str) -> tuple[str, tuple[File, ...]]:
+    """Format and files of a side, in natural order of their paths (part-2 before part-10).
+
+    Raises
+    ------
+    InputError
+        There is none, or there are some of a format that is not read in parts, or of two.
+    ConfigError
+        It is the standard input.
+    """
+    if path == STDIN:
+        raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
+    with named(path, InputError):
+        if not os.path.exists(path):
+            raise InputError(f"{path}: no such file or folder")
+    if not os.path.isdir(path):
+        return _kind(path), (File(path, os.path.abspath(path)),)
+    if is_table_folder(path):
+        raise InputError(f"{path}: a folder of nuScenes; {NOT_IN_PARTS}")
+    found = sorted(_walk(path), key=lambda file: natural(file.path))
+    kinds: dict[str, str] = {}
+    for file in found:
+        kinds.setdefault(_kind(file.path), file.path)
+    if not found:
+        raise InputError(f"{path}: no file in this folder; write Parquet or CSV files into it")
+    if len(kinds) > 1:
+        both = listed(sorted(os.path.relpath(each, path) for each in kinds.values()))
+        raise InputError(f"{path}: files of two formats, {both}; write all as Parquet, or as CSV")
+    return next(iter(kinds)), tuple(found)
+
+
+def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
+    """The files of a side in the order of their paths, and what the system says of each."""
+    found = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
+    for file in sorted(found, key=lambda file: file.path):
+        with suppress(FileNotFoundError):  # a link to nowhere: whoever reads it says so
+            yield file, os.stat(file.place)
+
+
+def state_of(found: os.stat_result) -> tuple[int, ...]:
+    """What differs after a file was changed or replaced, where the system keeps account of it.
+
+    A time of modification can be set back, the time of a change of status cannot. The device is
+    left out: its number may be another one whenever it is mounted.
+    """
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino
+
+
+def _walk(folder: str) -> Iterator[File]:
+    """Files below a folder but for hidden ones, with the keys of the folders between."""
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    with named(folder, InputError):
+        for place, folders, names in os.walk(folder, onerror=refuse, followlinks=True):
+            folders[:] = [name for name in folders if not name.startswith(HIDDEN)]
+            between = os.path.relpath(place, folder).split(os.sep)
+            pairs = (part.partition("=") for part in between)
+            keys = tuple((key, _value(text)) for key, equals, text in pairs if equals and key)
+            for name in names:
+                if not name.startswith(HIDDEN):
+                    path = os.path.join(place, name)
+                    yield File(path, os.path.abspath(path), keys)
+
+
+def _value(text: str) -> str:
+    """Value of a key in the name of a folder, as Hive writes it."""
+    return "" if text == "__HIVE_DEFAULT_PARTITION__" else unquote(text)
+
+
+def _kind(path: str) -> str:
+    """``"parquet"`` or ``"csv"``.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    with named(path, InputError), open(path, "rb") as file:
+        head = file.read(GUESSED_FROM)
+    if head.startswith(b"PAR1"):
+        return "parquet"
+    found = re.search(r"\.[^./\\]*$", plain_name(path))
+    ending = found[0] if found else ""
+    if ending in PARQUET_ENDINGS:
+        if is_packed(head):
+            raise InputError(
+                f"{path}: a compressed Parquet file; unpack it, or compress its columns"
+            )
+        return "parquet"
+    looks = "csv" if is_packed(head) or ending in CSV_ENDINGS else guess(path, head)
+    if looks == "csv" and ending in (*CSV_ENDINGS, ".txt", ""):
+        return "csv"
+    what = "is no table by its name" if looks == "csv" else f"looks like {looks}"
+    raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")
+
+
+TOGETHER = 1 << 26
+"""Bytes of files that are one task."""
+
+CONTENT = "content"
+"""In the folder of work, that of the digests of the files that it is derived from."""
+
+Stretch = tuple[File, int, int]
+"""Bytes of a file, from one to another."""
+
+
+def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
+    """Empty a folder of work that was derived from files with another content.
+
+    A file that was changed may have the size and the times of the old one. So all are read, when
+    the work is begun and whenever it is gone on with.
+
+    Parameters
+    ----------
+    files : sequence of pairs
+        Those of both sides, as `listing.stored` finds them.
+    work : Path
+        The folder.
+    run : callable
+        Does tasks, as `partitioned.tasks.run_tasks`.
+
+    Returns
+    -------
+    str or None
+        The first that has changed, if the work has to be begun anew.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    kept = work / CONTENT / "digests.json"
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # what was found before says nothing of now
+    batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
+    stretches = {
+        os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
+    }
+    run({output: partial(write_digests, stretches=some) for output, some in stretches.items()})
+    now: dict[str, list[str]] = {}
+    for output, some in stretches.items():
+        found = json.loads(Path(output).read_bytes())
+        for (file, _, _), digest in zip(some, found, strict=True):
+            now.setdefault(file.path, []).append(digest)
+    shutil.rmtree(fresh, ignore_errors=True)
+    before = now
+    if kept.exists():
+        try:
+            before = checked(kept.read_bytes(), {...: [TEXT]})
+        except ValueError:  # the machine has stopped before it was written
+            before = {}
+    changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]
+    if changed:
+        with removing(work, but=CONTENT):  # the old digests go last
+            pass
+    if changed or not kept.exists():
+        with writing(str(kept)) as beside:
+            beside.write_text(json.dumps(now), encoding="utf-8")
+    return next(iter(changed), None)
+
+
+def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
+    """Write the digests of stretches of files.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    digests = []
+    for file, begin, end in stretches:
+        sha = hashlib.sha256()
+        with named(file.path, InputError), open(file.place, "rb", buffering=0) as source:
+            source.seek(begin)
+            while begin < end and (content := source.read(min(CHUNK, end - begin))):
+                sha.update(content)
+                begin += len(content)
+        digests.append(sha.hexdigest())
+    with writing(output) as beside:
+        beside.write_text(json.dumps(digests), encoding="utf-8")
+
+
+def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch]:
+    """The bytes of all files in order, no more than so many together."""
+    for file, found in files:
+        for begin in range(0, max(found.st_size, 1), TOGETHER):
+            yield file, begin, min(begin + TOGETHER, found.st_size)
+
+
+def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool]:
+    """Understand the begin of a CSV file.
+
+    Returns
+    -------
+    head : bytes
+        Up to the end of the header.
+    roles : Roles
+        Which column is what.
+    decimal : str
+        Decimal mark of its numbers.
+    packed : bool
+        Whether the file is compressed.
+
+    Raises
+    ------
+    InputError
+        It is no table, or lacks columns.
+    """
+    path = file.path
+    with named(path, InputError), open(file.place, "rb") as source:
+        packed = is_packed(source.read(PACKED_FROM))
+    with unpacking(file.place, path) as stream:
+        data = stream.read(HEADER_BYTES)
+        data += stream.readline() if data else b""
+    check_text(data, path)
+    if b"\r" in data and b"\n" not in data:
+        raise InputError(
+            f"{path}: lines end in carriage returns alone, and such a file is not read in parts; "
+            "save it with line feeds"
+        )
+    text = decode(data, path)
+    _, roles, delimiter, first, start = header_of(text, path, options)
+    roles, decimal = with_decimal(text[start:], delimiter, roles, options.decimal)
+    begin = 0
+    for _ in range(first - 1):
+        begin = data.find(b"\n", begin) + 1 or len(data)
+    content = data[:begin]
+    if not content.endswith(b"\n"):
+        content += b"\n"  # a header alone
+    return content, roles, decimal, packed
+
+
+Moved = Callable[[str], str]
+"""A message about a piece as one about the file."""
+
+
+def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
+    """Rows of the lines that begin between two bytes, and the number of the first among them.
+
+    A compressed file is read whole, so many bytes at a time.
+
+    Raises
+    ------
+    InputError
+        A row is wrong; the message has its line in the file.
+    """
+    head, _, decimal, packed = read_head(file, options)
+    known = replace(options, decimal=decimal)
+    pieces = _unpacked(file, head, end) if packed else _cut(file, head, begin, end)
+    first = 0
+    for content, lines_before in pieces:
+        moved: Moved = partial(_moved, file.path, head.count(b"\n"), lines_before)
+        try:
+            rows = read_table(file.path, head + content, known, "truth", given=True)
+        except InputError as error:
+            raise InputError(*(moved(line) for line in error.args)) from None
+
+        def where(
+            row: int, in_piece: Callable[[int], str] = rows.where, moved: Moved = moved
+        ) -> str:
+            return moved(in_piece(row))
+
+        yield replace(rows, where=where), first
+        first += len(rows.times.value)
+
+
+def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:
+    """A message with the line in the file in place of that in the piece."""
+
+    def line(found: re.Match[str]) -> str:
+        number = int(found[2])
+        return f"{found[1]}{number if number <= header else number + lines_before()}"
+
+    return re.sub(rf"({re.escape(visible(path))}, line )(\d+)", line, message)
+
+
+Cut = tuple[bytes, Callable[[], int]]
+"""Lines, and how many are between the header and them."""
+
+
+def _cut(file: File, head: bytes, begin: int, end: int) -> Iterator[Cut]:
+    """The lines that begin between two bytes of a file."""
+    start = max(begin, len(head))
+    with named(file.path, InputError), open(file.place, "rb") as source:
+        if start > len(head):
+            source.seek(start - 1)
+            start += len(source.readline()) - 1
+        source.seek(start)
+        content = source.read(end - start) if start < end else b""
+        if content and not content.endswith(b"\n"):
+            content += source.readline()
+    if content:
+        yield content, cache(partial(_lines, file, len(head), start))
+
+
+def _lines(file: File, begin: int, end: int) -> int:
+    """Lines between two bytes of a file."""
+    count = 0
+    with named(file.path, InputError), open(file.place, "rb") as source:
+        source.seek(begin)
+        while begin < end and (content := source.read(min(CHUNK, end - begin))):
+            count += content.count(b"\n")
+            begin += len(content)
+    return count
+
+
+def _unpacked(file: File, head: bytes, size: int) -> Iterator[Cut]:
+    """All lines of a compressed file, so many bytes at a time."""
+    before = 0
+    with unpacking(file.place, file.path) as stream:
+        stream.read(len(head))
+        while content := stream.read(size):
+            content += stream.readline()
+            yield content, partial(int, before)
+            before += content.count(b"\n")
+
+
+def size_of(file: File) -> int:
+    """Bytes of a file as it is stored."""
+    with named(file.path, InputError):
+        return os.path.getsize(file.place)
+
+
+DECODED = 1 << 17
+"""Rows that are decoded together."""
+
+BYTES_OF_COLUMN = 1 << 20
+"""Bytes of a column that are read together: a row group may be larger than memory."""
+
+
+def table_rows(
+    file: File, begin: int, end: int, options: ReadOptions
+) -> Iterator[tuple[Rows, int]]:
+    """Rows of some row groups of a Parquet file, and the number of the first among them.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or a value is wrong; the message has its row in the file.
+    """
+    content, schema, roles = open_table(file, options)
+    columns = [schema.names[column] for column in roles.used]
+    row = sum(content.metadata.row_group(group).num_rows for group in range(begin))
+    for table in _batches(file, content, range(begin, end), columns):
+        where = partial(_row_of, file.path, row)
+        yield arrow_rows(file.path, "Parquet", schema, table.select, options, where), row
+        row += len(table)
+
+
+def _row_of(path: str, first: int, row: int) -> str:
+    return f"{path}, row {first + row}"
+
+
+def _batches(
+    file: File, content: "pa.parquet.ParquetFile", groups: range, columns: list[str]
+) -> "Iterator[pa.Table]":
+    """The columns of row groups, some rows at a time; those of folders that the file lacks too."""
+    import pyarrow as pa
+
+    own = [name for name in columns if name in content.schema_arrow.names]
+    keys = {key: text for key, text in file.keys if key in columns and key not in own}
+    with readable(file.path, "Parquet"):
+        for batch in content.iter_batches(
+            batch_size=DECODED, row_groups=groups, columns=own, use_threads=False
+        ):
+            table = pa.Table.from_batches([batch])
+            for key, text in keys.items():
+                code = pa.array(np.zeros(len(batch), np.int32))
+                column = pa.DictionaryArray.from_arrays(code, pa.array([text]))
+                table = table.append_column(key, column)
+            yield table
+
+
+def open_table(
+    file: File, options: ReadOptions
+) -> "tuple[pa.parquet.ParquetFile, pa.Schema, Roles]":
+    """Open a Parquet file and understand its columns.
+
+    Returns
+    -------
+    pyarrow.parquet.ParquetFile
+        What it has.
+    pyarrow.Schema
+        Its columns, then those of the folders that it is in, if they are needed.
+    Roles
+        Which column is what.
+
+    Raises
+    ------
+    InputError
+        It is no Parquet, or lacks columns.
+    ConfigError
+        pyarrow is not installed.
+    """
+    check_parquet(begin=f"{file.path}: ")
+    import pyarrow as pa  # lazy: the extra may be missing
+    import pyarrow.parquet as pq
+
+    with named(file.path, InputError):
+        if not os.path.getsize(file.place):
+            raise InputError(
+                f"{file.path}: the file is empty; a part without objects has a schema and no rows"
+            )
+    with readable(file.path, "Parquet"):
+        content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN, pre_buffer=False)
+        schema = content.schema_arrow
+    keys = [pa.field(key, pa.string()) for key, _ in file.keys if key not in schema.names]
+    whole = pa.schema([*schema, *keys])
+    try:
+        roles = find_roles(list(schema.names), options, file.path)
+        absent = {*options.attributes} - {*roles.attributes}
+        if roles.klass is None and options.classes is not None:
+            absent.add("class")
+        if keys and absent:
+            raise InputError  # they may be a folder's
+        whole = schema
+    except InputError:
+        if not keys:
+            raise
+        roles = find_roles(list(whole.names), options, file.path)
+    check_types(whole, roles, file.path)
+    return content, whole, roles
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePiece:
+    """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
+
+    Parameters
+    ----------
+    file : File
+        The file.
+    begin, end : int
+        Row groups, or bytes.
+    text : bool
+        Whether it is a text.
+    """
+
+    file: File
+    begin: int
+    end: int
+    text: bool
+
+    def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
+        """Its rows, some at a time, and the number of the first: in a table, in a piece of text."""
+        return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
+
+    def where(self, row: int, options: ReadOptions) -> str:
+        """Where a row is, for messages: of a table by its place there, of a text in the piece."""
+        if not self.text:
+            return _row_of(self.file.path, 0, row)
+        for rows, first in self.rows(options):
+            if row < first + len(rows.times.value):
+                return rows.where(row - first)
+        return self.file.path  # it has changed meanwhile
