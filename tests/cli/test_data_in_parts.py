@@ -21,14 +21,13 @@ import pyarrow.parquet as pq
 import pytest
 from partitioned import write_sides
 
-from tgospa_eval import evaluate
+from tgospa_eval import ConfigError, SolverError, evaluate
 from tgospa_eval.api import in_parts
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.evaluate.partitioned import work_folder
 from tgospa_eval.cli.shared.click_builder import OutputOptions, Size
-from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 

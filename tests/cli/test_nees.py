@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval import TgospaWarning, Trajectories, compare, evaluate
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import ConfigError, TgospaWarning, Trajectories, compare, evaluate
 from tgospa_eval.partitioned import components, run
 from tgospa_eval.results.consistency import NeesSums, band
 

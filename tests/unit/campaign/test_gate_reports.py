@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgospa_eval import ConfigError
 from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
 from tgospa_eval.campaign.gate.report import (
     SUMMARY,
@@ -20,7 +21,6 @@ from tgospa_eval.campaign.gate.report import (
     table,
 )
 from tgospa_eval.campaign.gate.rules import STATUS, Value, Verdict, judge, parse_rule
-from tgospa_eval.errors import ConfigError
 
 HOSTILE = [
     "<script>alert(1)</script>",
@@ -99,6 +99,19 @@ def test_table_of_an_update() -> None:
         "                by_class.a.tgospa             -          3",
     ]
     assert "| `x` | `total` | 1 | 2e-300 |" in markdown(found)
+
+
+def test_markdown_has_no_markup_of_others() -> None:
+    lines = markdown(everything()).splitlines()
+    rows = [line for line in lines if line.startswith("| ") and not line.startswith("| pair |")]
+    assert len(rows) == 4 * len(HOSTILE)
+    for row in rows:
+        outside = re.sub(r"`[^`]*`|<code>[^<]*</code>", "CODE", row)
+        assert re.fullmatch(r"\| CODE \|( [^|<>`\[\]@#\\]*\|){6}", outside), row
+    for line in lines:
+        outside = re.sub(r"`[^`]*`", "", line)
+        assert "<script" not in outside
+        assert "@everyone" not in outside
 
 
 # --- JUnit ----------------------------------------------------------------------------------------

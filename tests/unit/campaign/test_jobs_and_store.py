@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from stored import settings_of, stored_row
 
+from tgospa_eval import ConfigError, InputError
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.campaign.sums import tabulated
-from tgospa_eval.errors import ConfigError, InputError
 
 Write = Callable[[str, str | bytes], str]
 

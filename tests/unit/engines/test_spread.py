@@ -15,11 +15,11 @@ from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
+from tgospa_eval import ConfigError
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.common import files
 from tgospa_eval.engines import engine, processes
 from tgospa_eval.engines.processes import Processes
-from tgospa_eval.errors import ConfigError
 
 
 class Done:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, pairs_of_sets, scene
 
-from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
+from tgospa_eval import Certified, ConfigError, Sinkhorn, Sweep, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances.registry import as_distance
@@ -25,7 +25,6 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.states import States
-from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 Invoke = Callable[..., Answer]

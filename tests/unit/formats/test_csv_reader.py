@@ -13,10 +13,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, read, read_trajectories
+from tgospa_eval import ConfigError, InputError, Trajectories, read_trajectories
+from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
 Rows = dict[tuple[str, Any], tuple[float, ...]]

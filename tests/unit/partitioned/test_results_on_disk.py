@@ -12,8 +12,7 @@ import pandas as pd
 import pytest
 from partitioned import write_sides
 
-from tgospa_eval import Result, evaluate, simulate
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError, Result, evaluate, simulate
 from tgospa_eval.show import plot_data
 from tgospa_eval.show.result_text import REPORTS
 

@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 from pages import embedded, unpacked
 
-from tgospa_eval import evaluate
-from tgospa_eval.api.result import Result
+from tgospa_eval import Result, evaluate
 from tgospa_eval.show import plot_data
 from tgospa_eval.show.html import packed, page
 from tgospa_eval.show.plot_data import NONE, curves
