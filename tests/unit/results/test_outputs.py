@@ -356,6 +356,13 @@ def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
         assert re.search(rf"^ +{pattern}$", out, re.MULTILINE), pattern
 
 
+def test_csv_is_per_step(sample: Result) -> None:
+    rows = read_csv(REPORTS["csv"](sample))
+    assert list(rows[0]) == ["t", *PARTS, "total"]
+    assert [row["t"] for row in rows] == [str(t) for t in range(3, 59)]
+    assert total(rows, "total") == pytest.approx(sample.total, rel=1e-12)
+
+
 def test_markdown(sample: Result) -> None:
     lines = REPORTS["markdown"](sample).splitlines()
     assert "41.788 m" in lines[0]
@@ -523,6 +530,11 @@ def test_metrics_have_the_split_where_there_is_one() -> None:
     points = Trajectories.from_array(np.zeros((2, 1, 2)))
     found = evaluate(points, points, cutoff=1.0, distance="gaussian-wasserstein").metrics()
     assert (found["localisation_mean"], found["localisation_spread"]) == (0.0, 0.0)
+
+
+def test_tables_are_frames(sample: Result) -> None:
+    assert sample.per_step.columns.tolist() == ["t", *PARTS, "total"]
+    assert all(np.issubdtype(kind, np.number) for kind in sample.per_step.dtypes)
 
 
 def test_evaluating_prints_nothing(quickstart: Pair, capsys: pytest.CaptureFixture[str]) -> None:

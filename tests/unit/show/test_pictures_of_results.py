@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -268,6 +269,18 @@ def test_a_state_that_is_alone_is_seen() -> None:
     made = plot_plane(evaluate(truth, truth, cutoff=1.0))
     dots = [line for line in made.axes[0].get_lines() if line.get_label() == "truth/single"]
     assert [len(line.get_xdata()) for line in dots] == [2]
+
+
+def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = crowd(steps=120, truths=8)
+    full = plot_plane(result)
+    monkeypatch.setattr(plot_data, "VALUES", 700)
+    result = replace(result)  # what is drawn is made once for each
+    thin = plot_plane(result)
+    assert len(artist(thin, "truth/0").get_xdata()) < len(artist(full, "truth/0").get_xdata())
+    for name in ("missed", "false"):
+        assert points(thin, name) == points(full, name)
+        assert len(points(full, name)) == result.counts[name]
 
 
 def test_events_that_are_near_to_each_other_share_a_mark(monkeypatch: pytest.MonkeyPatch) -> None:
