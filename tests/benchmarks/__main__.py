@@ -6,8 +6,10 @@ Interrupt it at will: what was measured stays, as long as sources, versions and 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
+from types import ModuleType
 
 import batch
 import click
@@ -43,13 +45,7 @@ class Plan:
     seeds: int
     growth: dict[str, tuple[Scene, ...]]
     picture: Path | None
-    memory: tuple[memory.Case, ...]
-    page: tuple[Scene, ...]
-    curve: tuple[Scene, ...]
-    scale: tuple[Scene, ...]
-    gaussian: tuple[str, ...]
-    batch: tuple[batch.Case, ...]
-    partitioned: tuple[partitioned.Recording, ...]
+    small: bool
     exactness: exactness.Plan
     deadline: float
 
@@ -80,62 +76,6 @@ def run_growth(plan: Plan, store: Store) -> list[Table]:
     return report.of_growth(plan.growth, store)
 
 
-def run_kernel(plan: Plan, store: Store) -> list[Table]:
-    """Speed of the sweeps."""
-    for scene in kernel.SCENES:
-        missing(store, lambda scene=scene: kernel.measure(scene), kernel.PART, str(scene))
-    return report.of_kernel(store)
-
-
-def run_gaussian(plan: Plan, store: Store) -> list[Table]:
-    """Distances of normal laws."""
-    for case in plan.gaussian:
-        missing(store, lambda case=case: gaussian.measure(case), gaussian.PART, case)
-    return report.of_gaussian(plan.gaussian, store)
-
-
-def run_memory(plan: Plan, store: Store) -> list[Table]:
-    """Bytes per gain or run."""
-    for case in plan.memory:
-        missing(store, lambda case=case: memory.measure(case), memory.PART, str(case))
-    return report.of_memory(plan.memory, store)
-
-
-def run_page(plan: Plan, store: Store) -> list[Table]:
-    """Time to make the HTML report."""
-    for scene in plan.page:
-        missing(store, lambda scene=scene: page.measure(scene), page.PART, str(scene))
-    return report.of_page(plan.page, store)
-
-
-def run_curve(plan: Plan, store: Store) -> list[Table]:
-    """The metric of the steps up to each step."""
-    for scene in plan.curve:
-        missing(store, lambda scene=scene: curve.measure(scene), curve.PART, str(scene))
-    return report.of_curve(plan.curve, store)
-
-
-def run_scale(plan: Plan, store: Store) -> list[Table]:
-    """The command on large files."""
-    for scene in plan.scale:
-        missing(store, lambda scene=scene: scale.measure(scene), scale.PART, str(scene))
-    return report.of_scale(plan.scale, store)
-
-
-def run_batch(plan: Plan, store: Store) -> list[Table]:
-    """Many small evaluations."""
-    for case in plan.batch:
-        missing(store, lambda case=case: batch.measure(case), batch.PART, str(case))
-    return report.of_batch(plan.batch, store)
-
-
-def run_partitioned(plan: Plan, store: Store) -> list[Table]:
-    """Recordings in parts."""
-    for case in plan.partitioned:
-        missing(store, lambda case=case: partitioned.measure(case), partitioned.PART, str(case))
-    return report.of_partitioned(plan.partitioned, store)
-
-
 def run_startup(plan: Plan, store: Store) -> list[Table]:
     """Start-up of the command."""
     missing(store, startup.measure, startup.PART)
@@ -148,17 +88,31 @@ def run_exactness(plan: Plan, store: Store) -> list[Table]:
     return report.of_exactness(plan.exactness, store)
 
 
+OF_CASES: dict[ModuleType, Callable[..., list[Table]]] = {
+    kernel: report.of_kernel,
+    gaussian: report.of_gaussian,
+    memory: report.of_memory,
+    page: report.of_page,
+    curve: report.of_curve,
+    scale: report.of_scale,
+    batch: report.of_batch,
+    partitioned: report.of_partitioned,
+}
+"""Parts that measure one case after the other, and their tables."""
+
+
+def run_cases(module: ModuleType, plan: Plan, store: Store) -> list[Table]:
+    """One measurement for each case of a part."""
+    cases = tuple(module.SMALL if plan.small else module.CASES)
+    for case in cases:
+        missing(store, partial(module.measure, case), module.PART, str(case))
+    return OF_CASES[module](cases, store)
+
+
 PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "grid": run_grid,
     "growth": run_growth,
-    "kernel": run_kernel,
-    "gaussian": run_gaussian,
-    "memory": run_memory,
-    "page": run_page,
-    "curve": run_curve,
-    "scale": run_scale,
-    "batch": run_batch,
-    "partitioned": run_partitioned,
+    **{module.PART: partial(run_cases, module) for module in OF_CASES},
     "startup": run_startup,
     "exactness": run_exactness,
 }
@@ -235,13 +189,7 @@ def main(
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
         growth=growth.SMALL if small else growth.SERIES,
         picture=picture,
-        memory=memory.SMALL if small else memory.CASES,
-        page=page.SMALL if small else page.SCENES,
-        curve=curve.SMALL if small else curve.SCENES,
-        scale=scale.SMALL if small else scale.SCENES,
-        batch=batch.SMALL if small else batch.CASES,
-        partitioned=partitioned.SMALL if small else partitioned.CASES,
-        gaussian=tuple(gaussian.CASES)[: 1 if small else None],
+        small=small,
         exactness=exactness.Plan(
             scenes=scenes or (SMALL_SCENES if small else exactness.Plan.scenes),
             seed=seed,

@@ -9,7 +9,7 @@ from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY
 from tgospa_eval import evaluate
 
 PART = "curve"
-SCENES = (Scene(20, 200, 400.0), Scene(20, 200, 100.0), Scene(20, 200, 50.0), Scene(20, 200, 20.0))
+CASES = (Scene(20, 200, 400.0), Scene(20, 200, 100.0), Scene(20, 200, 50.0), Scene(20, 200, 20.0))
 SMALL = (Scene(20, 50, 100.0),)
 ROUNDS = 3
 MOST = 20.0

@@ -14,6 +14,8 @@ CASES = {
 }
 """Objects of a side, steps, side of the square; about a million near pairs."""
 
+SMALL = tuple(CASES)[:1]
+
 CUTOFF = 20.0
 ROUNDS = 7
 TARGET = 3.0

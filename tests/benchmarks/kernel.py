@@ -6,7 +6,8 @@ from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY
 from tgospa_eval import evaluate
 
 PART = "kernel"
-SCENES = (Scene(50, 100, 20.0), Scene(200, 200, 300.0), Scene(50, 100, 20.0, noise=2.0))
+CASES = (Scene(50, 100, 20.0), Scene(200, 200, 300.0), Scene(50, 100, 20.0, noise=2.0))
+SMALL = CASES[:1]
 ROUNDS = 5
 TARGET = 7.0
 """Nanoseconds per state and half sweep."""

@@ -13,7 +13,7 @@ from tgospa_eval import evaluate
 from tgospa_eval.show.html import page
 
 PART = "page"
-SCENES = (Scene(200, 1_000, 900.0),)
+CASES = (Scene(200, 1_000, 900.0),)
 SMALL = (Scene(20, 100, 280.0),)
 ROUNDS = 3
 SHARE, IMPORTS, BYTES = 0.5, 5.0, 3e6

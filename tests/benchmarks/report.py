@@ -221,11 +221,11 @@ def of_growth(series: dict[str, tuple[Scene, ...]], store: Store) -> list[Table]
     return [Table("Growth, first draws", header, rows, notes)] if rows else []
 
 
-def of_kernel(store: Store) -> list[Table]:
+def of_kernel(scenes: Sequence[Scene], store: Store) -> list[Table]:
     """Nanoseconds of the sweeps."""
     rows = [
         (str(scene), f"{found['nanoseconds']:.1f}", f"{kernel.TARGET:g}")
-        for scene in kernel.SCENES
+        for scene in scenes
         if (found := store.get(kernel.PART, str(scene))) is not None
     ]
     header = ("m,T,area,noise", "ns per state and half sweep", "target")

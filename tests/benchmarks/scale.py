@@ -12,7 +12,7 @@ from scenes import Floats, Scene
 from yardsticks import CUTOFF, SWITCH_PENALTY
 
 PART = "scale"
-SCENES = (
+CASES = (
     Scene(1_000, 1_000, 2000.0),
     Scene(10_000, 100, 6300.0),
     Scene(20, 20_000, 60.0),

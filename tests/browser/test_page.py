@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from checkout import SAMPLES
 from pages import NASTY, address, detail, ink, labels, texts
+from partitioned import write_sides
 
-from tests.support.partitioned import partitioned
-from tgospa_eval import Sinkhorn, evaluate
-from tgospa_eval.api.result import Result, ResultInParts
-from tgospa_eval.common.frozen import recast
+from tgospa_eval import Result, Sinkhorn, evaluate, read_trajectories
 from tgospa_eval.show import plot_data
 from tgospa_eval.show import style as palette
 
@@ -41,7 +39,9 @@ def test_of_data_in_parts_there_are_costs_over_time_and_the_costliest(
 ) -> None:
     pytest.importorskip("pyarrow")
     monkeypatch.setattr(plot_data, "MOST_STRETCHES", 7)
-    tab = shown(recast(partitioned(sample, tmp_path), ResultInParts))
+    files = (SAMPLES / "quickstart" / f"{name}.csv" for name in ("truth", "estimate"))
+    folders = write_sides(tuple(map(read_trajectories, files)), tmp_path)
+    tab = shown(evaluate(*folders, 10.0, 2, 5.0, memory="200MB", jobs=1))
     assert ink(tab, "#costs") > 10
     assert ink(tab, "#curve") > 10
     assert tab.run("document.getElementById('costs-note').textContent").endswith("mean of 8 steps")

@@ -11,8 +11,7 @@ from browser import Browser
 from pages import embedded, ink, note, pick, picture, texts
 from scipy.stats import chi2
 
-from tgospa_eval import Trajectories, evaluate, sensors
-from tgospa_eval.api.result import Result
+from tgospa_eval import Result, Trajectories, evaluate, sensors
 from tgospa_eval.api.sensors import Association
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.distances import CloudWasserstein

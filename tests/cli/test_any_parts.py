@@ -19,9 +19,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tgospa_eval import Trajectories
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Invoke = Callable[..., Any]
 PARTS = ("localisation", "missed", "false", "switch")

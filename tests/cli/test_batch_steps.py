@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import tgospa_eval
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import ConfigError
 from tgospa_eval.results.records import PARTS
 
 Invoke = Callable[..., Any]

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, loading, read
 from tgospa_eval.formats.text import lines
 

@@ -19,15 +19,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
+from partitioned import write_sides
 
-from tgospa_eval import evaluate
+from tgospa_eval import ConfigError, SolverError, evaluate
 from tgospa_eval.api import in_parts
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.evaluate.partitioned import work_folder
 from tgospa_eval.cli.shared.click_builder import OutputOptions, Size
-from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -41,17 +41,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording")
     tracker = Tracker(noise=10.0, detection=0.9, swaps=0.2, near=50, false_rate=0.05)
     scene = Scene(scenario="crossing", targets=12, steps=90)
-    for name, side in zip(
-        ("truth", "estimate"), simulate(scene, tracker, np.random.default_rng(1)), strict=True
-    ):
-        x, y = side.state[:, 0], side.state[:, 1]
-        rows = {"id": side.ids[side.track].astype(str), "t": side.times[side.step], "x": x, "y": y}
-        table = pa.table(rows)
-        pq.write_table(table, folder / f"{name}.parquet")
-        (folder / name).mkdir()
-        for k in range(3):
-            own = table.filter(pa.array((rows["t"] * 3 // 91) == k))
-            pq.write_table(own, folder / name / f"{9 - k}.parquet")
+    write_sides(simulate(scene, tracker, np.random.default_rng(1)), folder)
     return folder
 
 
@@ -92,6 +82,9 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     ]
     result = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=1)
     assert (result.total, result.lower_bound) == (document["total"], document["lower_bound"])
+    again = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=2)
+    assert numbers(again.to_dict()) == numbers(result.to_dict())
+    del again
     assert result.to_json()
     assert len(result.frame("assignments")) == tables["assignments"].num_rows
     kept = result.tables.folder
@@ -402,6 +395,21 @@ def test_which_folders_and_files_are_read_in_parts(
         path = folder(name, *tables)
         assert not in_parts.is_recording(path, ""), name
         assert in_parts.parts_in_words((path, truth), options) is not None
+
+
+def test_a_clock_that_is_ahead_is_seen_in_the_middle(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tgospa_eval.partitioned.evaluate.LOOKED_AT", 400)
+    scene = Scene(targets=6, steps=120)
+    truth, estimate = simulate(scene, Tracker(noise=0.5), np.random.default_rng(0))
+    late = replace(estimate, times=estimate.times + 4)
+    for number, side in enumerate((estimate, late)):
+        (tmp_path / str(number)).mkdir()
+        folders = write_sides((truth, side), tmp_path / str(number))
+        told = invoke(*folders, "-c", "6", "-g", "2", "--jobs", "1").err
+        said = "from step 46 to 79: the clock of the estimate seems to be 4 ahead"
+        assert (said in told) == (side is late)
 
 
 def test_wrong_data_leave_no_work(invoke: Invoke, recording: Path, tmp_path: Path) -> None:

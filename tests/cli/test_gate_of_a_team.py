@@ -949,6 +949,9 @@ def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: 
     [
         (("--against", "no"), "is no git revision that is here"),
         (("--against", "data"), "write ./data for the folder"),
+        (("--against", "HEAD:ci"), "is no git revision that is here"),
+        (("--against=--output=x",), "is no git revision that is here"),
+        (("--against", "./none"), "there is no such folder"),
         (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
         (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
         (("--protect",), "--protect is gone: --against TARGET judges by the suite"),

@@ -23,7 +23,7 @@ estimate = "out/{scene}/{seed}.csv"
 name = "{scene}"
 fail-on = ["total:+2%"]
 """
-ARGUMENTS = ("gate", "--suite", "suite.toml", "-q")
+ARGUMENTS = ("gate", "--suite", "suite.toml", "-q", "--jobs", "1")
 
 
 def write(path: str, text: str) -> None:
@@ -50,8 +50,14 @@ def runs(
                 write(f"{name}.csv", f"id,t,x,y\n{rows}")
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the baseline that every test begins with is kept once it is made."""
+    return tmp_path_factory.mktemp("kept") / "base.json"
+
+
 @pytest.fixture
-def gate(invoke: Invoke) -> Invoke:
+def gate(invoke: Invoke, kept: Path) -> Invoke:
     """The gate of three scenes with six seeds, whose baseline is night 0."""
     write("suite.toml", SUITE)
     runs(0)
@@ -59,7 +65,10 @@ def gate(invoke: Invoke) -> Invoke:
     def gate(*arguments: str) -> Any:
         return invoke(*ARGUMENTS, *arguments)
 
-    assert gate("--update-baseline").status == 0
+    if not kept.exists():
+        assert gate("--update-baseline").status == 0
+        shutil.copy("base.json", kept)
+    shutil.copy(kept, "base.json")
     return gate
 
 
@@ -159,7 +168,7 @@ def test_a_run_far_outside_fails_and_is_named(gate: Invoke) -> None:
 
 
 def test_equal_runs_are_no_jump(gate: Invoke) -> None:
-    for night in range(1, 9):
+    for night in range(1, 4):
         runs(night)
         found = groups(gate("--format", "json"))
         assert all(not rule["inference"]["jump"] for one in found.values() for rule in one["rules"])
@@ -191,7 +200,7 @@ def test_shares_of_the_error_do_not_depend_on_names(gate: Invoke) -> None:
 
 def test_what_is_said_of_runs_never_contradicts_itself(gate: Invoke) -> None:
     rng, verdicts = np.random.default_rng(3), set()
-    for night in range(30):
+    for night in range(8):
         for scene in "abc":
             factor = float(rng.choice([1.0, 1.2, 1.6, 3.0]))
             seeds = range(1, int(rng.integers(2, 8)))
@@ -235,12 +244,13 @@ def test_the_limit_is_judged_against_the_mean_of_the_nights(gate: Invoke) -> Non
 
 
 def test_the_oldest_night_goes_and_the_same_night_is_none(gate: Invoke) -> None:
-    for night in range(1, 12):
-        runs(night)
-        assert gate("--update-baseline", "--add").status == 0
+    shutil.rmtree("data")
+    for night in range(12):
+        runs(night, scenes="a", seeds=[1, 2])
+        assert gate("--update-baseline", "--add", "--prune").status == 0
     kept = entries()
     assert {len(entry["nights"]) for entry in kept.values()} == {9}
-    assert "18 unchanged" in gate("--update-baseline", "--add").out
+    assert "2 unchanged" in gate("--update-baseline", "--add").out
     assert entries() == kept
     assert gate().status == 0
     said = " ".join(gate("--update-baseline", "--only", "a/*").out.split())

@@ -13,9 +13,9 @@ import click
 import pytest
 from browser import PATIENCE
 
+from tgospa_eval import ConfigError, InputError
 from tgospa_eval.cli.verbs import VERBS, Verbs
 from tgospa_eval.common import files
-from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import read
 
 Run = Callable[..., Any]

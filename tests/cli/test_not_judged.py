@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 from answer import Answer
 
-from tgospa_eval import Trajectories, evaluate
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import ConfigError, Trajectories, evaluate
 
 TRUTH = """id,t,x,y,class,occlusion
 1,0,0,0,Car,0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from browser import PATIENCE
 
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, read
 
 LARGE = 64 << 30

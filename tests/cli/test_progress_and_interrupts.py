@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from tgospa_eval import Certified, Exact, Sinkhorn, Trajectories
 from tgospa_eval.cli.shared import progress as shown
 from tgospa_eval.cli.shared.progress import Display, bracket, line
 from tgospa_eval.common.progress import Progress, StoppedError, Stopwatch
@@ -29,10 +30,6 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.show.charts import CHARTS
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
-from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.exact import Exact
-from tgospa_eval.solvers.sinkhorn import Sinkhorn
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 Pair = tuple[str, str]

@@ -86,10 +86,6 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "help": (("help", "evaluate"), table),
     "version": (("--version",), table),
     "script": (("verify", "--script"), table),
-}  # fmt: skip
-"""In a process each: their imports and what libraries write to stdout are their own."""
-
-READINGS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "blocks": ((*PAIR, "--slice", "speed=0:1:3", "--curve", "--window", "10", "--explain",
                 "--format", "json"), json.loads),
     "sweep": ((*PAIR, "--sweep", "cutoff=5:20:3", "--format", "json"), json.loads),
@@ -116,21 +112,17 @@ READINGS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "interpolated": ((*PAIR, "--interpolate", "estimate", "--max-gap", "3", "--format", "json"),
                      json.loads),
 }  # fmt: skip
-"""In this process."""
+
+IN_A_PROCESS = {"table", "exact", "solvers", "inspect", "associate", "version"}
+"""In one each: their imports and what libraries write to stdout are their own."""
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_stdout_holds_the_document_alone(name: str, run: Run, files: Path) -> None:
+def test_stdout_holds_the_document_alone(
+    name: str, request: pytest.FixtureRequest, files: Path
+) -> None:
     arguments, read = COMMANDS[name]
-    done = run(*arguments)
-    assert (done.status, "Warning" in done.err) == (0, False), done.err
-    read(done.out)
-
-
-@pytest.mark.parametrize("name", READINGS)
-def test_what_else_evaluate_reads_and_prints(name: str, invoke: Run, files: Path) -> None:
-    arguments, read = READINGS[name]
-    done = invoke(*arguments)
+    done = request.getfixturevalue("run" if name in IN_A_PROCESS else "invoke")(*arguments)
     assert (done.status, "Warning" in done.err) == (0, False), done.err
     read(done.out)
 

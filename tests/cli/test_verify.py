@@ -17,10 +17,9 @@ import pytest
 from browser import PATIENCE
 from checkout import SAMPLES
 
-from tgospa_eval import evaluate, verify
+from tgospa_eval import SolverError, evaluate, verify
 from tgospa_eval.api.options import OF_THE_NUMBER
 from tgospa_eval.distances import DISTANCES
-from tgospa_eval.errors import SolverError
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof import write as write_module
 

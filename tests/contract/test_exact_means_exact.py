@@ -17,8 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ANY_ORDERS, far_scenes
 
-from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
 
 Write = Callable[[str, str], str]
 Run = Callable[..., Any]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tgospa_eval import ConfigError, InputError
 from tgospa_eval.distances import cloud_wasserstein
-from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks.clouds import Clouds
 
 LAST = "1.7976931348623157e308"

@@ -188,6 +188,7 @@ def test_folders(invoke: Invoke, scene: dict[str, str]) -> None:
             text = file.read_text(encoding="utf-8")
             assert "<img" not in text
             assert "<!-- *bold" not in text
+            assert "default-src 'none'" in text
         elif file.suffix == ".json":
             check_visible(file.read_text(encoding="utf-8").replace("\x7f", "").replace("##", ""))
 

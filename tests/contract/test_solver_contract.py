@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, few_among_many, pairs_of_sets, scene
 
-from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
-from tgospa_eval.api.result import Result
+from tgospa_eval import Certified, ConfigError, Exact, Result, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.certificate import certify

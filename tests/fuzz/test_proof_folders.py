@@ -12,8 +12,8 @@ import pandas as pd
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tgospa_eval import evaluate
-from tgospa_eval.api.result import Proof, Result
+from tgospa_eval import Result, evaluate
+from tgospa_eval.api.result import Proof
 from tgospa_eval.common.progress import Status
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.solution import Solution

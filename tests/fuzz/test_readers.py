@@ -20,7 +20,7 @@ from checkout import SAMPLES
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import TgospaError
+from tgospa_eval import TgospaError
 from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, read
 from tgospa_eval.formats.text import lines
 

@@ -11,8 +11,7 @@ from exact_lp import Costs, costs_of, solve
 from strategies import scene
 
 import tgospa_eval
-from tgospa_eval import evaluate, sweep
-from tgospa_eval.api.result import Result
+from tgospa_eval import Result, evaluate, sweep
 
 SCENES, MORE = 150, 1000
 SHARES = (0.0, 0.3, 0.7, 1.0)

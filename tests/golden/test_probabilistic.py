@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from oracles import dense_costs, programme
 from strategies import ORDERS, SWITCH, pairs_of_sets, sets
 
-from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, sweep
-from tgospa_eval.api.result import Result
+from tgospa_eval import ConfigError, InputError, Result, Trajectories, evaluate, sweep
 
 C = 2.0
 LIKELY = st.sampled_from([0.0, 0.25, 0.6, 0.9, 1.0])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tgospa_eval import Trajectories
 from tgospa_eval.distances import Distance, near_pairs, pair_search
 from tgospa_eval.distances import pair_search as points
 from tgospa_eval.distances import pair_search as search
-from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {
     "as it is": {},

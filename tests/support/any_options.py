@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tgospa_eval import ConfigError, TgospaWarning, evaluate
-from tgospa_eval.api.result import Result
+from tgospa_eval import ConfigError, Result, TgospaWarning, evaluate
 from tgospa_eval.errors import NothingLeftError
 
 STAMPS = np.arange(-40, 80) / 4

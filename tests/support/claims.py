@@ -8,9 +8,7 @@ import numpy as np
 from exact_lp import TINIEST, Optimum, optimum
 from far_scenes import FarScene
 
-from tgospa_eval import Certified, evaluate
-from tgospa_eval.api.result import Result
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import Certified, ConfigError, Result, evaluate
 from tgospa_eval.solvers import Solver
 
 GAP = Fraction(1, 10**9)

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-from tgospa_eval import Certified
+from tgospa_eval import Certified, Trajectories
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.tracks.trajectories import Trajectories
 
 PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
 

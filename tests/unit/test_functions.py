@@ -4,9 +4,6 @@ import inspect
 import json
 import os
 import pkgutil
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -252,35 +249,12 @@ def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
         simulate(noize=1.0)
 
 
-class Here:
-    """An engine without processes."""
-
-    @contextmanager
-    def open(self, _: int) -> Iterator["Here"]:
-        yield self  # for any number of jobs
-
-    def workers(self) -> int:
-        return 1
-
-    def submit(self, function: Callable, *arguments: object) -> Future:
-        done: Future = Future()
-        done.set_result(function(*arguments))
-        return done
-
-    def answer(self, future: Future) -> object:
-        return future.result()
-
-    def look(self) -> None:
-        raise AssertionError("everything is ready")
-
-
 def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tgospa_eval.api.batch.engine_of", lambda *_: Here())
     write_runs(2)
     patterns = {"truth": "gt/{run}.csv", "estimate": "out/{tracker}/{run}.csv"}
-    found = batch(**patterns, output="store", cutoff=10.0, by="tracker", with_="gospa")
+    found = batch(**patterns, output="store", workers=1, cutoff=10.0, by="tracker", with_="gospa")
     assert found.rows["total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert found.groups["total"].tolist() == pytest.approx([10.0, 40.0])
     assert not found.faults
@@ -288,8 +262,8 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "tracker" in str(found)
     Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r'^output="store": holds a batch with other settings'):
-        batch(**patterns, output="store", cutoff=9.0)
-    again = batch(**patterns, output="store", cutoff=10.0, with_=["gospa"])
+        batch(**patterns, output="store", workers=1, cutoff=9.0)
+    again = batch(**patterns, output="store", workers=1, cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1
     assert "oops" in again.faults[0]
     with pytest.raises(TypeError, match=r"batch\(\) has no keyword cutof; did you mean cutoff"):

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.campaign import solver_runs
-from tgospa_eval.campaign.solver_runs import called, contradictions, errors, referee
+from tgospa_eval.campaign.solver_runs import contradictions, errors, referee
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import PreparedPair
@@ -378,11 +378,6 @@ def test_a_star_may_be_part_of_a_name(write: Write, invoke: Invoke) -> None:
     assert json.loads(answer.out)["kind"] == "solvers"
 
 
-def test_temperatures_are_told_apart() -> None:
-    names = [called("sinkhorn", epsilon) for epsilon in (0.1, 0.100000000001, 1.0)]
-    assert names == ["sinkhorn 0.1", "sinkhorn 0.100000000001", "sinkhorn 1"]
-
-
 def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) -> None:
     paths = write("t.csv", TRUTH), write("a.csv", TRUTH), write("b.csv", track(0, 1, 0))
     config = write("tgospa-eval.toml", 'by = "class"\n')
@@ -494,22 +489,6 @@ def test_fields_that_do_not_fit(
     answer = invoke("compare", *paths)
     assert answer.status in (2, 3)
     assert message in answer.err
-
-
-def test_hostile_names(write: Write, invoke: Invoke) -> None:
-    truth = write("t.csv", TRUTH)
-    names = ["=cmd|' '!A1", "a|b_<script>", "50% & $x$ #1"]
-    paths = [write(f"{name}.csv", track(0, k + 1, 0)) for k, name in enumerate(names)]
-    shown = {
-        form: invoke("compare", truth, *paths, "-q", "--format", form).out
-        for form in ("csv", "markdown", "latex")
-    }
-    assert [row["name"] for row in csv.DictReader(io.StringIO(shown["csv"]))] == [
-        "'=cmd|' '!A1", *names[1:],
-    ]  # fmt: skip
-    assert r"a\|b\_&lt;script>" in shown["markdown"]
-    assert "<script>" not in shown["markdown"]
-    assert r"50\% \& \$x\$ \#1" in shown["latex"]
 
 
 def test_tables_escape_everything() -> None:

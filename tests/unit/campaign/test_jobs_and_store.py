@@ -1,5 +1,6 @@
 """Which jobs there are, what is stored of them, and what survives a kill."""
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -7,10 +8,10 @@ from pathlib import Path
 import pytest
 from stored import settings_of, stored_row
 
+from tgospa_eval import ConfigError, InputError
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.campaign.sums import tabulated
-from tgospa_eval.errors import ConfigError, InputError
 
 Write = Callable[[str, str | bytes], str]
 
@@ -158,6 +159,34 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     (tmp_path / "other" / "file").touch()
     with pytest.raises(ConfigError, match="is not empty, and no batch"):
         Store(str(tmp_path / "other")).open(settings_of(5.0))
+
+
+def parts_of(store: Store) -> list[str]:
+    return sorted(path.name for path in (store.folder / "jobs").iterdir())
+
+
+def test_a_damaged_part_is_named_and_a_full_disk_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(str(tmp_path / "s"))
+    store.open(settings_of(5.0))
+    store.add([stored_row("1", "done", 1)])
+    before, names = store.rows(), parts_of(store)
+
+    def full(_: object, path: Path) -> None:
+        path.write_bytes(b"PAR1")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("pyarrow.parquet.write_table", full)
+        with pytest.raises(ConfigError, match="cannot be written: No space left on device"):
+            store.add([stored_row("4", "done", 4)])
+    assert parts_of(store) == names
+    assert store.rows().equals(before)
+    path = store.folder / "jobs" / names[0]
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(InputError, match=r"part-.*\.parquet: cannot be read"):
+        store.rows()
 
 
 @pytest.mark.parametrize(

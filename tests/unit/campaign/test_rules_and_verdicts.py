@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgospa_eval import ConfigError
 from tgospa_eval.campaign.gate.rules import (
     DEFAULT,
     SEVERITY,
@@ -16,7 +17,6 @@ from tgospa_eval.campaign.gate.rules import (
     parse_rule,
     worst,
 )
-from tgospa_eval.errors import ConfigError
 
 
 def bracket(lower: float, upper: float, unit: float = 100.0) -> Value:

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
+from tgospa_eval import SolverError
 from tgospa_eval.campaign import solver_runs
 from tgospa_eval.campaign.solver_runs import spread
 from tgospa_eval.campaign.store import Store, locked
-from tgospa_eval.errors import SolverError
 from tgospa_eval.simulation import Scene, Tracker
 
 Invoke = Callable[..., Answer]

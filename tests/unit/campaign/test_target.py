@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from tgospa_eval.campaign.gate.suite import Target
-from tgospa_eval.errors import ConfigError
 
 
 def git(*arguments: str) -> None:
@@ -70,37 +69,6 @@ def test_what_differs_from_a_revision(repository: Path, monkeypatch: pytest.Monk
         } == expected
 
 
-def test_of_a_folder(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    other = tmp_path_factory.mktemp("other")
-    (other / "ci").mkdir()
-    (other / "ci/suite.toml").write_text("theirs")
-    target = Target(str(other))
-    assert target.read("ci/suite.toml") == b"theirs"
-    assert target.read(str(repository / "ci/suite.toml")) == b"theirs"
-    assert target.read("ci/more.toml") is None
-
-
-@pytest.mark.parametrize("where", ["nowhere", "--output=x", "HEAD:ci", ""])
-def test_refused(repository: Path, where: str) -> None:
-    with pytest.raises(ConfigError, match="is no git revision that is here"):
-        Target(where)
-    assert not (repository / "x").exists()
-
-
-def test_a_revision_is_never_a_folder(repository: Path) -> None:
-    for name in ("main", "release"):
-        (repository / name).mkdir()
-    assert Target("main").commit
-    with pytest.raises(
-        ConfigError, match=r"is no git revision .*; write \./release for the folder"
-    ):
-        Target("release")
-    for folder in ("./main", "release/", str(repository)):
-        assert not Target(folder).commit
-    with pytest.raises(ConfigError, match="there is no such folder"):
-        Target("./none")
-
-
 def test_links_of_a_revision_are_followed(repository: Path) -> None:
     Path("link.toml").symlink_to("ci/suite.toml")
     Path("lost.toml").symlink_to("none.toml")
@@ -112,9 +80,3 @@ def test_links_of_a_revision_are_followed(repository: Path) -> None:
     target = Target("main")
     assert target.read("link.toml") == target.read("folder/suite.toml") == b"new"
     assert target.read("lost.toml") is target.read("folder") is None
-
-
-def test_no_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match="no git revision"):
-        Target("main")

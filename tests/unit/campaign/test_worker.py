@@ -37,11 +37,6 @@ def asked(folder: Path, **options: Any) -> JobTask:
     return JobTask(job=job, options=chosen, key=key)
 
 
-def test_a_row(task: JobTask) -> None:
-    row = evaluate_job(task)
-    assert (row["status"], row["message"], row["key"]) == ("done", "", task.key)
-
-
 def test_a_time_limit_leaves_an_open_row(crowd: tuple[str, str], tmp_path: Path) -> None:
     for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
         shutil.copy(path, tmp_path / name)

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import cloud_distance, programme
 
-from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories, sensors
+from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_trajectories, sensors
 from tgospa_eval.api.sensors import Association
 from tgospa_eval.common import progress
 from tgospa_eval.common.frozen import recast
@@ -38,7 +38,6 @@ from tgospa_eval.distances import (
 )
 from tgospa_eval.distances import clouds as bounds
 from tgospa_eval.distances.clouds import reduced
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.show.plane import Plane, ellipses

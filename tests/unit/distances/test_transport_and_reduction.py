@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from oracles import cloud_distance
 
+from tgospa_eval import ConfigError
 from tgospa_eval.distances import (
     cloud_wasserstein,
     cross_covariance,
@@ -26,7 +27,6 @@ from tgospa_eval.distances.reduction import (
     slot_means,
 )
 from tgospa_eval.distances.transport import north_west
-from tgospa_eval.errors import ConfigError
 
 X = np.array([(0, 0), (2, 0), (0, 3)], float)
 U = np.array([0.5, 0.3, 0.2])

@@ -15,11 +15,10 @@ from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
-from tgospa_eval import engines
+from tgospa_eval import ConfigError, engines
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.common import files
 from tgospa_eval.engines import Processes
-from tgospa_eval.errors import ConfigError
 
 
 class Done:

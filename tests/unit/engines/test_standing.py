@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tgospa_eval import ConfigError, SolverError
+from tgospa_eval.common.writing import writing
 from tgospa_eval.engines import PersistentPool, Processes
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 
@@ -50,3 +52,29 @@ def test_errors_of_work_done_here_are_raised(tmp_path: Path) -> None:
         pytest.raises(ValueError, match="3"),
     ):
         run_tasks({str(tmp_path / "3"): partial(refuse, job=3)}, engine)
+
+
+def kill(output: str) -> None:
+    os._exit(1)
+
+
+def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
+    with (
+        PersistentPool(Processes(1), 1) as pool,
+        pytest.raises(SolverError, match="a process died of 000007, most likely for want of"),
+    ):
+        run_tasks({str(tmp_path / "000007"): kill}, pool)
+
+
+def fill(beside: Path) -> None:
+    beside.write_text("half")
+    raise OSError("10931 requested and 5520 written")  # as NumPy says it
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ConfigError, match="cannot be written: no space left on the disk"),
+        writing(str(tmp_path / "out" / "block")) as beside,
+    ):
+        fill(beside)
+    assert not list((tmp_path / "out").iterdir())

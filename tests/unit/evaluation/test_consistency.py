@@ -179,32 +179,6 @@ def write_filters() -> None:
         Path(f"{name}.csv").write_text("\n".join([head, *lines, ""]))
 
 
-def test_an_order_that_covariances_make_says_so(invoke: Invoke) -> None:
-    write_filters()
-    asked = ("compare", "truth.csv", "right.csv", "sure.csv", "-c", "10", "-g", "5", "-q")
-    answer = invoke(*asked, "--distance", "gaussian-wasserstein")
-    text = " ".join(answer.out.split())
-    assert "best first: sure, right" in text
-    assert "sure: covariances are too small for the errors: NEES" in text
-    assert "right has smaller errors of means than sure" in text
-    (line,) = (
-        line
-        for line in answer.out.splitlines()
-        if line.split()[0:1] == ["sure"] and "overconfident" in line
-    )
-    assert float(line.split()[3]) > 20
-    document = json.loads(
-        invoke(*asked, "--distance", "gaussian-wasserstein", "--format", "json").out
-    )
-    codes = [notice["code"] for notice in document["warnings"]]
-    assert codes == ["overconfident", "order-by-covariances"]
-    sure, right = document["estimates"]
-    assert right["nees"]["verdict"] == "consistent"
-    assert right["localisation_mean"] < sure["localisation_mean"]
-    plain = invoke(*asked[:-1], "-q", "--format", "json")  # of points: nothing of covariances
-    assert "nees" not in json.loads(plain.out)["estimates"][0]
-
-
 def test_saved_results_are_compared_with_it(invoke: Invoke) -> None:
     write_filters()
     for name in ("right", "sure"):
@@ -228,19 +202,3 @@ def test_saved_results_are_compared_with_it(invoke: Invoke) -> None:
         assert "internal error" not in answer.err
     path.write_text(json.dumps(saved | {"localisation_mean": "much"}))
     assert "localisation_mean is" in invoke("compare", "right", "sure", "-q").err
-
-
-def test_the_warning_of_one_evaluation(invoke: Invoke) -> None:
-    write_filters()
-    asked = ("truth.csv", "sure.csv", "-c", "10", "-g", "5", "--distance", "gaussian-wasserstein")
-    answer = invoke(*asked)
-    assert answer.status == 0
-    assert "overconfident" in answer.err
-    document = json.loads(invoke(*asked, "--format", "json").out)
-    assert document["nees"]["verdict"] == "overconfident"
-    assert document["nees"]["sums"]["pairs"] == 500
-    assert document["nees"]["mean"] > document["nees"]["upper"]
-    assert "overconfident" in [notice["code"] for notice in document["warnings"]]
-    assert {"nees", "nees_lower", "nees_upper", "localisation_spread"} <= document["per_step"][
-        0
-    ].keys()

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from runs import warnings_of
 
-from tgospa_eval import TgospaWarning, evaluate, read_trajectories, sweep
+from tgospa_eval import TgospaWarning, Trajectories, evaluate, read_trajectories, sweep
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]

@@ -7,8 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import Recorder, Result, TgospaWarning, Trajectories, evaluate, sweep
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval import (
+    ConfigError,
+    InputError,
+    Recorder,
+    Result,
+    TgospaWarning,
+    Trajectories,
+    evaluate,
+    sweep,
+)
 
 GIVEN: dict[str, Any] = {"cutoff": 10.0, "switch_penalty": 5.0}
 

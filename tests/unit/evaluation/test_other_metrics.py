@@ -13,10 +13,9 @@ import pytest
 from answer import Answer
 from trackeval.metrics import CLEAR, HOTA, Identity
 
-from tgospa_eval import Certified, Trajectories, evaluate
+from tgospa_eval import Certified, ConfigError, Trajectories, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import DISTANCES, Resources
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import request
 from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS, joined, of_sums, other_metrics
 from tgospa_eval.evaluation.prepare import fit, prepare

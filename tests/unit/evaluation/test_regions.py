@@ -14,8 +14,7 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval import evaluate
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval import ConfigError, InputError, evaluate
 from tgospa_eval.evaluation.regions import as_regions, inside
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.frames import from_frame

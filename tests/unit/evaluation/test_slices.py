@@ -15,8 +15,8 @@ from any_options import AnyOptions
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tgospa_eval import ConfigError, Trajectories, evaluate
-from tgospa_eval.api.result import ByClass, Result
+from tgospa_eval import ConfigError, Result, Trajectories, evaluate
+from tgospa_eval.api.result import ByClass
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.evaluation.pair import add_up
 from tgospa_eval.kernels import kernels

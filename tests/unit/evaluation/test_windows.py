@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
-from tgospa_eval import Certified, Exact, evaluate
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import Certified, ConfigError, Exact, evaluate
 from tgospa_eval.evaluation.curve import SeparateStretches
 from tgospa_eval.evaluation.request import Sliding
 

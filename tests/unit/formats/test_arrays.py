@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import Trajectories
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError, Trajectories
 from tgospa_eval.formats import ReadOptions, read
 
 Run = Callable[..., Any]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from tgospa_eval import TgospaWarning, Trajectories, evaluate, read_trajectories
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError, TgospaWarning, Trajectories, evaluate, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 
 STEPS, TRACKS = 5, 3

@@ -13,10 +13,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, read, read_trajectories
+from tgospa_eval import ConfigError, InputError, Trajectories, read_trajectories
+from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
 Rows = dict[tuple[str, Any], tuple[float, ...]]
@@ -719,229 +718,92 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
 # --- what is refused ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("content", "beginning", "parts"),
-    [
-        pytest.param(
-            'id,t,x\na,1,1\na,2,"12,3"\na,3,oops\n',
-            ', line 3, column "x": ',
-            ("not a number", '"12,3"', "and 1 more", "decimal="),
-            id="decimal comma",
-        ),
-        pytest.param(
-            "id;t;x\na;1;1,500\n",
-            ', line 2, column "x": ',
-            ("not a number", '"1,500"', "decimal="),
-            id="decimal comma between semicolons",
-        ),
-        pytest.param(
-            "id;t;x\na;1,5;0.1\n",
-            ', line 2, column "t": ',
-            ('"1,5"', "decimal="),
-            id="decimal comma in a time",
-        ),
-        pytest.param(
-            "id,t,X\na,1,1_000\n",
-            ', line 2, column "X": ',
-            ("not a number", '"1_000"', "; "),
-            id="underscore",
-        ),
-        pytest.param(
-            "id,t,X\na,1,1\na,2,\u0661\u0662\n",
-            ', line 3, column "X": ',
-            ("not a number", '"\u0661\u0662"', "; "),
-            id="digits of another script",
-        ),
-        pytest.param(
-            "id,frame,x\na,1_000,1\n",
-            ', line 2, column "frame": ',
-            ("not a time", '"1_000"', "; "),
-            id="underscore in a time",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\n\na,2,1e999\na,3,-inf\na,4,Infinity\n",
-            ', line 4, column "x": ',
-            ("infinite", '"1e999"', "and 2 more", "blank"),
-            id="infinite",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na,inf,1\na,-inf,1\n",
-            ', line 3, column "t": ',
-            ("not a finite time", '"inf"', "and 1 more", "; "),
-            id="infinite time",
-        ),
-        pytest.param(
-            "id,t,x\na,nan,1\n",
-            ', line 2, column "t": ',
-            ("not a finite time", '"nan"', "; "),
-            id="NaN time",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na, ,1\na,,1\na,,1\n",
-            ', line 3, column "t": ',
-            ("blank", "and 2 more", "; "),
-            id="blank time",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na,yesterday,1\na,soon,1\n",
-            ', line 3, column "t": ',
-            ('not a time: "yesterday"', "and 1 more", "ISO-8601"),
-            id="no time",
-        ),
-        pytest.param(
-            "id,t,x\na,2024-01-01T00:00:00,1\na,5,1\n",
-            ', line 3, column "t": ',
-            ("mixed", '"2024-01-01T00:00:00"', '"5"', "; "),
-            id="ISO times and numbers",
-        ),
-        pytest.param(
-            "id,t,x\na,5,1\na,2024-01-01T00:00:00,1\n",
-            ', line 3, column "t": ',
-            ("mixed", '"2024-01-01T00:00:00"', '"5"', "; "),
-            id="numbers and ISO times",
-        ),
-        pytest.param(
-            "id,t,x\na,2024-01-01T00:00:00Z,1\na,2024-01-01T00:00:01,1\n",
-            ', line 3, column "t": ',
-            ("mixed", '"2024-01-01T00:00:00Z"', '"2024-01-01T00:00:01"', "; "),
-            id="with and without zone",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na,2\na,3,1\na,4,1,1\n",
-            ", line 3: ",
-            ("2 fields", "header has 3", "; "),
-            id="row too short",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na,3,1,5\n",
-            ", line 3: ",
-            ("4 fields", "header has 3", "; "),
-            id="row too long",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\na\n",
-            ", line 3: ",
-            ("1 field,", "header has 3", "; "),
-            id="one field",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1,a,2,1\n",
-            ", line 2: ",
-            ("6 fields", "header has 3", "; "),
-            id="twice too long",
-        ),
-        pytest.param(
-            "id,t,class,x\na,1,car,2\na,2,car,2,5\n",
-            ", line 3: ",
-            ("5 fields", "header has 4", "; "),
-            id="row too long, with a column that is not used",
-        ),
-        pytest.param(
-            "id,t,x,class\na,1,2,car,5\na,2,2\n",
-            ", line 2: ",
-            ("5 fields", "header has 4", "; "),
-            id="a row too long and a row too short",
-        ),
-        pytest.param(
-            "id,t,x\na,1,1\n,2,1\n  ,3,1\n",
-            ', line 3, column "id": ',
-            ("blank id", "and 1 more", "; "),
-            id="blank id",
-        ),
-        pytest.param(
-            'id,t,x\na,1,1\n"a,2,1\na,3,1\n',
-            ", line 3: ",
-            ("quote",),
-            id="unterminated quote",
-        ),
-        pytest.param(
-            'id,t,x\n"two\nlines",1,1\n\na,2,oops\n',
-            ', line 5, column "x": ',
-            ('"oops"',),
-            id="line after a field of two lines and a blank line",
-        ),
-        pytest.param(
-            "\r\n\r\nid,t,x\r\na,1,1\r\na,2,oops\r\n",
-            ', line 5, column "x": ',
-            ('"oops"',),
-            id="line after blank lines",
-        ),
-        pytest.param(
-            "id,t,X\na,1," + "9" * 70 + "x\n",
-            ', line 2, column "X": ',
-            ('"' + "9" * 57 + '..."', "; "),
-            id="long text",
-        ),
-        pytest.param(
-            'id,t,x\na,1,"1\n\x1b[31m"\n',
-            ', line 2, column "x": ',
-            ("not a number", r"1\n\x1b[31m"),
-            id="control characters",
-        ),
-        pytest.param(
-            "id,t,x,name\na,1,1,ok\na,2,2,Ren\u00e9\n".encode("latin-1"),
-            ", line 3: ",
-            ("not UTF-8", "0xe9", "; "),
-            id="latin-1",
-        ),
-        pytest.param(
-            b"id,t,x\na,1,1\n\x89PNG\x00\x00",
-            ", line 3: ",
-            ("binary", "CSV"),
-            id="binary",
-        ),
-        pytest.param(PLAIN.encode("utf-16"), ", line 1: ", ("UTF-16", "UTF-8"), id="UTF-16"),
-        pytest.param(
-            b"\xfe\xff" + PLAIN.encode("utf-16-be"),
-            ", line 1: ",
-            ("UTF-16", "UTF-8"),
-            id="UTF-16BE",
-        ),
-        pytest.param(b"", ": ", ("empty", "header"), id="no bytes"),
-        pytest.param("\n \r\n\n", ": ", ("blank", "header"), id="blank lines only"),
-        pytest.param(b"\xef\xbb\xbf", ": ", ("blank", "header"), id="BOM alone"),
-        pytest.param(
-            "id,t,x,y,x\na,1,2,3,4\n", ", line 1: ", ('"x" twice', "rename"), id="repeated name"
-        ),
-        pytest.param("\nid,t,,x\na,1,2,3\n", ", line 2: ", ("column 3", "; "), id="missing name"),
-        pytest.param(
-            "id,t,u,v\na,1,2,3\n",
-            ", line 1: ",
-            ("no column for position", "id, t, u, v", "columns=('x=HEADER', 'y=HEADER')"),
-            id="no position column",
-        ),
-        pytest.param(
-            "id,t,lat\na,1,2\n",
-            ", line 1: ",
-            ("no column for position", "columns=('x=HEADER', 'y=HEADER')"),
-            id="half a place",
-        ),
-        pytest.param(
-            "who,t,x\na,1,2\n",
-            ", line 1: ",
-            ("no column for id", "who, t, x", "columns=('id=who',)"),
-            id="no id",
-        ),
-        pytest.param(
-            "id,when,x\na,1,2\n",
-            ", line 1: ",
-            ("no column for t", "id, when, x", "columns=('t=when',)"),
-            id="no time column",
-        ),
-        pytest.param(
-            "1,2,3.5,4\n1,3,4,5\n",
-            ", line 1: ",
-            ("4 numbers", "in their order"),
-            id="header of numbers",
-        ),
-    ],
-)
+REFUSED = [
+    (
+        'id,t,x\na,1,1\na,2,"12,3"\na,3,oops\n',
+        (3, "x"),
+        ["not a number", '"12,3"', "and 1 more", "decimal="],
+    ),
+    ("id;t;x\na;1;1,500\n", (2, "x"), ["not a number", '"1,500"', "decimal="]),
+    ("id;t;x\na;1,5;0.1\n", (2, "t"), ['"1,5"', "decimal="]),
+    ("id,t,X\na,1,1_000\n", (2, "X"), ["not a number", '"1_000"']),
+    ("id,t,X\na,1,1\na,2,\u0661\u0662\n", (3, "X"), ["not a number", '"\u0661\u0662"']),
+    ("id,frame,x\na,1_000,1\n", (2, "frame"), ["not a time", '"1_000"']),
+    (
+        "id,t,x\na,1,1\n\na,2,1e999\na,3,-inf\na,4,Infinity\n",
+        (4, "x"),
+        ["infinite", '"1e999"', "and 2 more", "blank"],
+    ),
+    ("id,t,x\na,1,1\na,inf,1\na,-inf,1\n", (3, "t"), ["not a finite time", '"inf"', "and 1 more"]),
+    ("id,t,x\na,nan,1\n", (2, "t"), ["not a finite time", '"nan"']),
+    ("id,t,x\na,1,1\na, ,1\na,,1\na,,1\n", (3, "t"), ["blank", "and 2 more"]),
+    (
+        "id,t,x\na,1,1\na,yesterday,1\na,soon,1\n",
+        (3, "t"),
+        ['not a time: "yesterday"', "and 1 more", "ISO-8601"],
+    ),
+    (
+        "id,t,x\na,2024-01-01T00:00:00,1\na,5,1\n",
+        (3, "t"),
+        ["mixed", '"2024-01-01T00:00:00"', '"5"'],
+    ),
+    (
+        "id,t,x\na,5,1\na,2024-01-01T00:00:00,1\n",
+        (3, "t"),
+        ["mixed", '"2024-01-01T00:00:00"', '"5"'],
+    ),
+    (
+        "id,t,x\na,2024-01-01T00:00:00Z,1\na,2024-01-01T00:00:01,1\n",
+        (3, "t"),
+        ["mixed", '"2024-01-01T00:00:00Z"', '"2024-01-01T00:00:01"'],
+    ),
+    ("id,t,x\na,1,1\na,2\na,3,1\na,4,1,1\n", 3, ["2 fields", "header has 3"]),
+    ("id,t,x\na,1,1\na,3,1,5\n", 3, ["4 fields", "header has 3"]),
+    ("id,t,x\na,1,1\na\n", 3, ["1 field,", "header has 3"]),
+    ("id,t,x\na,1,1,a,2,1\n", 2, ["6 fields", "header has 3"]),
+    ("id,t,class,x\na,1,car,2\na,2,car,2,5\n", 3, ["5 fields", "header has 4"]),
+    ("id,t,x,class\na,1,2,car,5\na,2,2\n", 2, ["5 fields", "header has 4"]),
+    ("id,t,x\na,1,1\n,2,1\n  ,3,1\n", (3, "id"), ["blank id", "and 1 more"]),
+    ('id,t,x\na,1,1\n"a,2,1\na,3,1\n', 3, ["quote"]),
+    ('id,t,x\n"two\nlines",1,1\n\na,2,oops\n', (5, "x"), ['"oops"']),
+    ("\r\n\r\nid,t,x\r\na,1,1\r\na,2,oops\r\n", (5, "x"), ['"oops"']),
+    ("id,t,X\na,1," + "9" * 70 + "x\n", (2, "X"), ['"' + "9" * 57 + '..."']),
+    ('id,t,x\na,1,"1\n\x1b[31m"\n', (2, "x"), ["not a number", r"1\n\x1b[31m"]),
+    ("id,t,x,name\na,1,1,ok\na,2,2,Ren\u00e9\n".encode("latin-1"), 3, ["not UTF-8", "0xe9"]),
+    (b"id,t,x\na,1,1\n\x89PNG\x00\x00", 3, ["binary", "CSV"]),
+    (PLAIN.encode("utf-16"), 1, ["UTF-16", "UTF-8"]),
+    (b"\xfe\xff" + PLAIN.encode("utf-16-be"), 1, ["UTF-16", "UTF-8"]),
+    (b"", None, ["empty", "header"]),
+    ("\n \r\n\n", None, ["blank", "header"]),
+    (b"\xef\xbb\xbf", None, ["blank", "header"]),
+    ("id,t,x,y,x\na,1,2,3,4\n", 1, ['"x" twice', "rename"]),
+    ("\nid,t,,x\na,1,2,3\n", 2, ["column 3"]),
+    (
+        "id,t,u,v\na,1,2,3\n",
+        1,
+        ["no column for position", "id, t, u, v", "columns=('x=HEADER', 'y=HEADER')"],
+    ),
+    ("id,t,lat\na,1,2\n", 1, ["no column for position", "columns=('x=HEADER', 'y=HEADER')"]),
+    ("who,t,x\na,1,2\n", 1, ["no column for id", "who, t, x", "columns=('id=who',)"]),
+    ("id,when,x\na,1,2\n", 1, ["no column for t", "id, when, x", "columns=('t=when',)"]),
+    ("1,2,3.5,4\n1,3,4,5\n", 1, ["4 numbers", "in their order"]),
+]
+"""What a file holds, the line (and column) that the message names, and words of it."""
+
+
+@pytest.mark.parametrize(("content", "place", "parts"), REFUSED)
 def test_refused(
-    write: Write, content: str | bytes, beginning: str, parts: tuple[str, ...]
+    write: Write, content: str | bytes, place: tuple[int, str] | int | None, parts: list[str]
 ) -> None:
     path = write("a.csv", content)
     (message,) = refusal(path)  # one line, however many rows are wrong
-    assert message.startswith(path + beginning)
+    where = (
+        f', line {place[0]}, column "{place[1]}"'
+        if isinstance(place, tuple)
+        else (f", line {place}" if place else "")
+    )
+    assert message.startswith(f"{path}{where}: ")
+    assert "; " in message  # what to do
     for part in parts:
         assert part in message
 
@@ -996,29 +858,8 @@ NAMES = st.one_of(
     .map(str.strip)
     .filter(bool),
     # Neighbours that a parser of numbers would take for one.
-    st.sampled_from(
-        [
-            "0",
-            "-0",
-            "00",
-            "7",
-            "07",
-            "007",
-            "+7",
-            "7.0",
-            "7e0",
-            "70",
-            "nan",
-            "NaN",
-            "NA",
-            "None",
-            "null",
-            "True",
-            "inf",
-            "1_0",
-            "10",
-        ]
-    ),
+    st.sampled_from(["0", "-0", "00", "7", "07", "007", "+7", "7.0", "7e0", "70", "1_0", "10"]),
+    st.sampled_from(["nan", "NaN", "NA", "None", "null", "True", "inf"]),
 )
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 TIMES = st.one_of(

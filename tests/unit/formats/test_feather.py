@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, read
 
 pa = pytest.importorskip("pyarrow")

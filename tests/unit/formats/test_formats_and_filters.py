@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import read_trajectories
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval import ConfigError, InputError, read_trajectories
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.text import lines

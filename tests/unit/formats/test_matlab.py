@@ -17,9 +17,8 @@ import pytest
 from checkout import SAMPLES
 from scipy.io import savemat
 
-from tgospa_eval import evaluate, read_trajectories
+from tgospa_eval import ConfigError, InputError, evaluate, read_trajectories
 from tgospa_eval.engines import DiedError, call_in_helper
-from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
 Run = Callable[..., Any]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval import evaluate
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
 
 Run = Callable[..., Any]

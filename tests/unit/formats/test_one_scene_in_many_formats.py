@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval import evaluate, read_trajectories
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError, evaluate, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 
 Invoke = Callable[..., Any]

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.text.table import CATEGORIES, VISDRONE_FIELDS

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import InputError
-from tgospa_eval.formats import ReadOptions, read_trajectories
+from tgospa_eval import InputError, read_trajectories
+from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.text import lines
 

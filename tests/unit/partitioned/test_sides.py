@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tgospa_eval import Trajectories
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.loading import ZSTD
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.coverage import digest, digest_of_sums, row_sums
-from tgospa_eval.tracks.trajectories import Trajectories
 
 IDS: dict[str, Callable[[int], object]] = {
     "integer": lambda k: (10 * k) % 17 - 3,

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.partitioned.sides import open_side
 from tgospa_eval.partitioned.tasks import run_tasks

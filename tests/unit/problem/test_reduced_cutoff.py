@@ -8,8 +8,7 @@ import pytest
 from claims import reference_of
 from far_scenes import FarScene, far_scene
 
-from tgospa_eval import evaluate
-from tgospa_eval.errors import ConfigError
+from tgospa_eval import ConfigError, evaluate
 from tgospa_eval.problem.certificate import certify, forced_cost, reduce_cutoff
 from tgospa_eval.problem.metric_family import Parameters, tgospa_problem
 from tgospa_eval.problem.solution import Reduced, Solution

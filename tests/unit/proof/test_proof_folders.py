@@ -20,10 +20,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import ANY_ORDERS, ORDERS, SWITCH, WHOLE_ORDERS, far_scenes, pairs_of_sets, scene
 
-from tgospa_eval import Sinkhorn, evaluate
-from tgospa_eval.api.result import Result
+from tgospa_eval import ConfigError, Result, Sinkhorn, evaluate
 from tgospa_eval.distances import Norm
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.write import proof_texts
 

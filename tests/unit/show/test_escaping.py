@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from tgospa_eval.errors import InputError
+from tgospa_eval import InputError
 from tgospa_eval.show import rendering as escape
 from tgospa_eval.text import clipped, listed, quoted, visible, visible_lines
 

@@ -19,11 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path as MplPath
 from scipy.stats import chi2
 
-from tgospa_eval import Trajectories, evaluate, plots
-from tgospa_eval.api.result import Result
+from tgospa_eval import ConfigError, Result, Trajectories, evaluate, plots
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common.words import install
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.show import plane, plot_data
 from tgospa_eval.show import style as palette
 from tgospa_eval.show.charts import Pictures

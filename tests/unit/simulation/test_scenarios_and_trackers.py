@@ -12,10 +12,9 @@ from checkout import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tgospa_eval import Trajectories, evaluate, read_trajectories
+from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.cli.simulate import SCENARIOS as OFFERED
 from tgospa_eval.cli.simulate import SCENE_FORMATS as OFFERED_FORMATS
-from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.write import WRITERS, csv_text, kitti_text, motchallenge_text
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate, tracker
 from tgospa_eval.simulation.scenarios import encounters

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tgospa_eval import Trajectories
 from tgospa_eval.cli import simulate
 from tgospa_eval.simulation.settings import PUBLISHED, run_setting
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 

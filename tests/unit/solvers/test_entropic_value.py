@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from tgospa_eval import Certified, Trajectories
 from tgospa_eval.api.evaluate import evaluate_pair
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import DISTANCES
@@ -12,9 +13,7 @@ from tgospa_eval.evaluation.prepare import PreparedPair, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.sinkhorn import Trace, entropic_trace, gains
-from tgospa_eval.tracks.trajectories import Trajectories
 
 pytestmark = pytest.mark.skipif(not kernels, reason="sweeps need the compiled kernels")
 

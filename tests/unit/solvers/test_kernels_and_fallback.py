@@ -10,9 +10,9 @@ from strategies import scene
 
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.sinkhorn as sinkhorn_module
-from tgospa_eval import Certified, Result, Sinkhorn, evaluate
+from tgospa_eval import Certified, InputError, Result, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.errors import InputError, check_size
+from tgospa_eval.errors import check_size
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem import states
 from tgospa_eval.problem.certificate import break_down, certify, lower_bounds

@@ -11,15 +11,13 @@ from hypothesis import strategies as st
 from runs import warnings_of
 from strategies import scene
 
-from tgospa_eval import evaluate
+from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.api import options
 from tgospa_eval.distances import DISTANCES
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices
 from tgospa_eval.evaluation.diagnosis.costs import StepRows, step_costs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval import Trajectories, read_trajectories
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval import ConfigError, InputError, Trajectories, read_trajectories
 from tgospa_eval.explain.candidates import AddedRows, Edit, edited
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame

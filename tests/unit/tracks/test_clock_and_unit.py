@@ -11,8 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import Trajectories, evaluate, read_trajectories
-from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
+from tgospa_eval import (
+    ConfigError,
+    InputError,
+    TgospaWarning,
+    Trajectories,
+    evaluate,
+    read_trajectories,
+)
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.interpolation import interpolated

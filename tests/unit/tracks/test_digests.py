@@ -10,12 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval import ConfigError, SolverError, compare, evaluate, gate
+from tgospa_eval import ConfigError, SolverError, Trajectories, compare, evaluate, gate
 from tgospa_eval.campaign.row import same_data
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.coverage import NOT_JUDGED, digest, marked
-from tgospa_eval.tracks.trajectories import Trajectories
 
 Change = Callable[[Trajectories], Trajectories]
 Write = Callable[..., str]
