@@ -44,3 +44,14 @@ def test_the_page_shows_what_the_script_prints(
             abs(value - share) < most
             for value, share, most in zip(values, whole[key], far, strict=True)
         ), key
+
+
+def test_bands_of_rare_events_cover(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS / "theory")
+    script = import_module("rare_events")
+    page = PAGE.read_text(encoding="utf-8").partition("## Rare events in curves")[2]
+    for law in script.LAWS:
+        assert f"cost of an event: {law}" in page
+        for size, chance in ((20, 0.01), (60, 0.02), (60, 0.1)):
+            assert script.coverage(law, size, chance, 20)[0] > 0.9
+    assert all(float(share) > 0.9 for share in re.findall(r"(0\.\d{3}) \(", page))

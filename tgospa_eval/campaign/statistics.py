@@ -69,6 +69,50 @@ def intervals(lower: Floats, upper: Floats, order: Floats | float) -> tuple[Floa
     return least * np.exp(-ratio), most * np.exp(ratio)
 
 
+FEW_EVENTS = 10
+"""Runs with a cost below which an interval counts them: of so few the jackknife knows no spread."""
+
+
+def rare_intervals(
+    lower: Floats, upper: Floats, order: float, usual: float
+) -> tuple[Floats, Floats]:
+    """Intervals of root mean squares, also where few runs have a cost at all.
+
+    Of fewer than `FEW_EVENTS` such runs it is that of their share (Clopper and Pearson 1934) times
+    what one costs: the smaller, and the larger, of the mean of these and of `usual`. Coverage by
+    simulation: docs/theory/intervals.md.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (rows, n)
+        Bounds of costs; n is at least 2.
+    order : float
+        The order p.
+    usual : float
+        Mean cost of a run that has some, at all times; NaN if none has.
+
+    Returns
+    -------
+    tuple of array, shape (rows,)
+        Lower and upper ends; NaN where nothing is known of what one costs.
+    """
+    from scipy.special import betaincinv  # lazy: slow to import
+
+    runs = lower.shape[1]
+    low, high = intervals(lower / runs, upper / runs, order)
+    count = np.count_nonzero(upper > 0, axis=1)
+    few = np.flatnonzero((count < FEW_EVENTS) & (count < runs))
+    if not len(few):
+        return low, high
+    events, tail = count[few], (1 - CONFIDENCE) / 2
+    least = np.where(events > 0, betaincinv(np.maximum(events, 1), runs - events + 1, tail), 0.0)
+    most = betaincinv(events + 1, runs - events, 1 - tail)
+    own = np.where(events > 0, upper[few].sum(axis=1) / np.maximum(events, 1), usual)
+    low[few] = (least * np.minimum(own, usual)) ** (1 / order)
+    high[few] = (most * np.maximum(own, usual)) ** (1 / order)
+    return low, high
+
+
 def without_each(totals: Floats, order: Floats | float) -> Floats:
     """Combined values of all totals but one, brought to the number of all.
 

@@ -32,7 +32,7 @@ from tgospa_eval.campaign.statistics import (
     LEAST_PAIRS,
     NUMBERS_AT_ONCE,
     confidence,
-    intervals,
+    rare_intervals,
 )
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.arrays import Floats, Ints, Mask
@@ -450,11 +450,11 @@ def _curves(
     yield "growing", runs, [line], (runs.rms(lower, carried=True), runs.rms(upper, carried=True))
 
 
-def _band(kind: BandKind, lower: Floats, upper: Floats, order: float) -> Floats:
+def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, usual: float) -> Floats:
     """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
-    runs, root = len(lower), 1 / order
+    root = 1 / order
     if kind == "interval":
-        return np.stack(intervals(lower.T / runs, upper.T / runs, order))
+        return np.stack(rare_intervals(lower.T, upper.T, order, usual))
     if kind == "bootstrap":
         least = _resampled(lower)
         most = least if upper is lower else _resampled(upper)
@@ -582,7 +582,8 @@ class _Runs:
         """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
         band = None
         if self.count >= LEAST_RUNS[self.band] and not self.many:
-            ends = []
+            ends, costly = [], (bounds or (costs,))[-1]
+            usual = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
             for row, there, within in self.cells(carried=carried):
                 cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
                 found = np.full((2, row.shape[1]), np.nan)
@@ -591,7 +592,7 @@ class _Runs:
                     own = within[:, begin]
                     if np.count_nonzero(own) >= LEAST_RUNS[self.band]:
                         some = [side[own, begin:end] for side in cells]
-                        found[:, begin:end] = _band(self.band, some[0], some[-1], self.order)
+                        found[:, begin:end] = _band(self.band, some[0], some[-1], self.order, usual)
                 ends.append(found)
             low, high = (
                 [None if value != value else value for value in side]
