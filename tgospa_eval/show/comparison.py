@@ -574,13 +574,6 @@ def render(document: Json, format: str) -> str:
 
     def page(document: Json) -> Document:
         made = DOCUMENTS[kind](document)
-        if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
-            tables = [
-                _normalised_table(document),
-                *_covariances(document["estimates"]),
-                *_other_tables(document),
-            ]
-            made = replace(made, tables=tables, notes=())
         if "settings_file" not in document:
             return made
         used = str(SettingsFile(**document["settings_file"]))

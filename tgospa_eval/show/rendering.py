@@ -25,6 +25,9 @@ LATEX = {
     **{mark: f"\\{mark}" for mark in "&%$#_{}"},
 }
 
+LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
+"""Greek capitals without a command in LaTeX."""
+
 # Patterns are compiled when they are used: a small evaluation needs none.
 _NAMES = r"(?<!\w)@(?=\w)"
 """Where GitHub sees the name of someone who is to be notified."""
@@ -61,8 +64,36 @@ def _entity(c: str) -> str:
 
 
 def latex(text: str) -> str:
-    """The text in LaTeX."""
-    return "".join(LATEX.get(c, c) for c in visible(text))
+    """The text in LaTeX, with Greek letters by their names: pdflatex stops at them."""
+    return "".join(
+        LATEX.get(c) or (_greek(c) if "\u0370" <= c <= "\u03ff" else c) for c in visible(text)
+    )
+
+
+def _greek(letter: str) -> str:
+    """A Greek letter by its name, a capital that looks Latin as such."""
+    from unicodedata import name  # lazy: few labels are Greek
+
+    kind, _, word = name(letter, "").removeprefix("GREEK ").partition(" LETTER ")
+    word = {"LAMDA": "lambda", "FINAL SIGMA": "varsigma"}.get(word, word.lower())
+    if not word.isalpha():
+        return letter
+    if kind != "CAPITAL":
+        return "o" if word == "omicron" else rf"\ensuremath{{\{word}}}"
+    is_own = word in (
+        "gamma",
+        "delta",
+        "theta",
+        "lambda",
+        "xi",
+        "pi",
+        "sigma",
+        "upsilon",
+        "phi",
+        "psi",
+        "omega",
+    )
+    return rf"\ensuremath{{\{word.capitalize()}}}" if is_own else LATIN[letter]
 
 
 def latex_comment(text: str) -> str:
