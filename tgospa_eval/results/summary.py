@@ -140,8 +140,13 @@ def percent(share: float | None) -> str:
     return f"{text.removesuffix('.0')} %"
 
 
-def rows(numbers: Mapping[str, Any], quantity: Quantity) -> Iterator[tuple[str, str]]:
-    """The summary in words, a name and what is known; lines without a number are left out."""
+def rows(
+    numbers: Mapping[str, Any], quantity: Quantity, place: Quantity
+) -> Iterator[tuple[str, str]]:
+    """The summary in words, a name and what is known; lines without a number are left out.
+
+    `quantity` writes an error by the base distance, `place` one of the place.
+    """
 
     def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:
         known = ((text, write(value)) for text, value, write in parts if value is not None)
@@ -169,8 +174,8 @@ def rows(numbers: Mapping[str, Any], quantity: Quantity) -> Iterator[tuple[str, 
             ("95 % up to {}", n["p95_error"], quantity),
         ),
         "along track": words(
-            ("RMS {}", n["rmse_along_track"], quantity),
-            ("across track {}", n["rmse_across_track"], quantity),
+            ("RMS {}", n["rmse_along_track"], place),
+            ("across track {}", n["rmse_across_track"], place),
             ("late by {}", n["latency.shift"], plain),
             ("which explains {} of the squared error", n["latency.gain"], percent),
         ),
@@ -204,8 +209,8 @@ def rows(numbers: Mapping[str, Any], quantity: Quantity) -> Iterator[tuple[str, 
             ("RMS {}", n["cardinality_rms"], plain),
         ),
         "smoothness": words(
-            ("RMS second difference {}", n["smoothness.estimate"], quantity),
-            ("of the truth {}", n["smoothness.truth"], quantity),
+            ("RMS second difference {}", n["smoothness.estimate"], place),
+            ("of the truth {}", n["smoothness.truth"], place),
         ),
         "SIAP": words(
             ("C {}", n["siap.completeness"], plain),

@@ -526,7 +526,10 @@ def _summary(result: Evaluation) -> Iterator[str]:
 
 def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
     """Numbers of tracking, each with its name."""
-    return summary_rows(result.summarised.numbers, partial(result.quantity, digits=4))
+    quantity = partial(result.quantity, digits=4)
+    is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
+    place = quantity if is_length else partial(number, digits=4)  # the unit is that of the distance
+    return summary_rows(result.summarised.numbers, quantity, place)
 
 
 def similarity_in_words(result: Evaluation) -> str:
