@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""The fields of a plain table in one pass; `formats.text.scan.gather` is the careful way."""
+"""The fields of a plain table in one pass; `formats.text.lines` is the careful way."""
 
 import numpy as np
 
