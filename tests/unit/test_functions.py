@@ -57,6 +57,14 @@ def test_every_option_is_a_keyword() -> None:
         assert named <= inspect.signature(function).parameters.keys()
     with pytest.raises(TypeError, match=r"evaluate\(\) has no keyword cutof; did you mean cutoff"):
         evaluate([], [], cutof=3)
+    for name, meant in {
+        "gamma": "switch_penalty",
+        "c": "cutoff",
+        "p": "order",
+        "g": "switch_",
+    }.items():
+        with pytest.raises(TypeError, match=f"no keyword {name}; did you mean {meant}"):
+            evaluate([], [], **{name: 3.0})
     with pytest.raises(ConfigError, match='grid is "both": must be one of union, truth'):
         evaluate([], [], grid="both")
     with pytest.raises(ConfigError, match="region is 3: must be a text"):

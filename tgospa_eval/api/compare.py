@@ -55,8 +55,11 @@ from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.ignored import refuse_own_marks
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
 
+    from tgospa_eval.api.option_types import CompareOptions
     from tgospa_eval.formats.objects import Components
 
 
@@ -121,7 +124,7 @@ def compare(
     *,
     solvers: Sequence[str | Solver] = (),
     mapping: "Components | None" = None,
-    **options: Any,
+    **options: "Unpack[CompareOptions]",
 ) -> Compared:
     """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
 

@@ -21,10 +21,12 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     import os
+    from typing import Unpack
 
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from tgospa_eval.api.option_types import AssociateOptions, ReduceOptions
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
     from tgospa_eval.show.plot_data import PlotData
 
@@ -170,7 +172,7 @@ def associate(
     b_columns: "str | Sequence[str] | None" = None,
     a_where: "str | Sequence[str]" = (),
     b_where: "str | Sequence[str]" = (),
-    **options: Any,
+    **options: "Unpack[AssociateOptions]",
 ) -> Association:
     """Which states of two sensors belong together, step by step.
 
@@ -226,7 +228,7 @@ def reduce(
     *,
     mapping: "Sequence[int] | None" = None,
     in_format: str | None = None,
-    **options: Any,
+    **options: "Unpack[ReduceOptions]",
 ) -> tuple[Trajectories, "pd.DataFrame"]:
     """Particle clouds with fewer particles.
 

@@ -19,6 +19,9 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
+    from tgospa_eval.api.option_types import SweepOptions
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Values: TypeAlias = float | Sequence[float] | Floats
@@ -71,7 +74,7 @@ def sweep(
     *,
     rho: "Values" = 0.5,
     mapping: "Components | None" = None,
-    **options: Any,
+    **options: "Unpack[SweepOptions]",
 ) -> Sweep:
     """TGOSPA over a range of one parameter, each point with proven bounds.
 

@@ -62,3 +62,7 @@ _HOME = {
 __getattr__ = lazy(__name__, _HOME)
 
 __all__ = ["DISTANCES", *_HOME]
+
+
+def __dir__() -> list[str]:
+    return __all__
