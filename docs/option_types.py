@@ -129,13 +129,18 @@ def text() -> str:
         classes.append(head + "".join(fields))
     for function in FUNCTIONS:
         bases = ", ".join(title for title, (_, those) in made.items() if function in those)
-        head = f"class {camel(function)}Options({bases}):"
+        head = f"class {title_of(function)}({bases}):"
         if len(head) > WIDTH:
             lines = bases.replace(", ", ",\n    ")
-            head = f"class {camel(function)}Options(\n    {lines},\n):"
+            head = f"class {title_of(function)}(\n    {lines},\n):"
         classes.append(f'{head}\n    """Keywords of `{function}` beside its own parameters."""\n')
     classes.append(RECORDER)
     return "\n".join([HEAD, *aliases]) + "\n\n" + "\n\n".join(classes)
+
+
+def title_of(function: str) -> str:
+    """The name of the class of a function; `BatchOptions` and `GateOptions` are other records."""
+    return f"{camel(function)}{'Evaluation' * (function in ('batch', 'gate'))}Options"
 
 
 def listing(functions: set[str]) -> str:

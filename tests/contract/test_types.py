@@ -36,7 +36,7 @@ def test_no_keyword_is_left_out_and_nothing_is_imported() -> None:
     for function in option_types.FUNCTIONS:
         called = getattr(tgospa_eval, function)
         own = inspect.signature(called.__wrapped__).parameters
-        typed = getattr(types, f"{function.capitalize()}Options").__annotations__
+        typed = getattr(types, option_types.title_of(function)).__annotations__
         assert {*own, *typed} - {"options"} == {*inspect.signature(called).parameters}
         assert not {*own} & {*typed}
     code = "import sys, tgospa_eval as t; t.evaluate, t.batch, t.gate; print(*sys.modules)"

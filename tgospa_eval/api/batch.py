@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from tgospa_eval.api.option_types import BatchOptions as BatchKeywords
+    from tgospa_eval.api.option_types import BatchEvaluationOptions
     from tgospa_eval.show.batch import BandKind
     from tgospa_eval.show.charts import Pictures
 
@@ -166,7 +166,7 @@ def batch(
     band: "BandKind | None" = None,
     over: str | None = None,
     force: bool = False,
-    **options: "Unpack[BatchKeywords]",
+    **options: "Unpack[BatchEvaluationOptions]",
 ) -> Batch:
     """Evaluate many pairs of files, as ``tgospa-eval batch`` does; what is done is not done again.
 

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from tgospa_eval.api.option_types import GateOptions as GateKeywords
+    from tgospa_eval.api.option_types import GateEvaluationOptions
     from tgospa_eval.api.result import Result
 
 PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kind == "path")
@@ -559,7 +559,7 @@ def gate(
     only: str | Iterable[str] = (),
     prune: bool = False,
     strict: bool = False,
-    **options: "Unpack[GateKeywords]",
+    **options: "Unpack[GateEvaluationOptions]",
 ) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
 

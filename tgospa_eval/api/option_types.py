@@ -225,7 +225,7 @@ class SweepOptions(_StepWeights, _Existence, _Distance, _VerticalWeight, _Column
     """Keywords of `sweep` beside its own parameters."""
 
 
-class BatchOptions(
+class BatchEvaluationOptions(
     _Cutoff,
     _Rho,
     _PlainStepWeights,
@@ -237,7 +237,7 @@ class BatchOptions(
     """Keywords of `batch` beside its own parameters."""
 
 
-class GateOptions(
+class GateEvaluationOptions(
     _Cutoff,
     _Rho,
     _StepWeights,
