@@ -18,6 +18,9 @@ VERBS = {
 }
 """Module and summary of each verb; the module's command is called `command`."""
 
+SECTION = "tgospa_eval.section"
+"""Under this name the context keeps the section that `help VERB SECTION` asks for."""
+
 CONFIG = "tgospa_eval.common.config"
 """Under this name the context keeps the configuration file in use."""
 
