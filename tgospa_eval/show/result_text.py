@@ -20,6 +20,7 @@ from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import flat
 from tgospa_eval.results.summary import rows as summary_rows
+from tgospa_eval.show.methods import methods
 from tgospa_eval.show.phrases import PART_HEADS, parameters_of
 from tgospa_eval.show.rendering import (
     WIDTH,
@@ -231,6 +232,7 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "csv": lambda result: csv_text(result.table("per_step")),
     "markdown": lambda result: WRITERS["markdown"](document(result)),
     "latex": lambda result: WRITERS["latex"](document(result)),
+    "methods": methods,
 }
 """What ``--format`` prints of a result; a member needs a line in the docs."""
 

@@ -26,7 +26,7 @@ USUAL: dict[str, dict[str, dict[str, str]]] = {
         "Read the files": READING | TOLERANCE,
         "See more": {
             "output": "write page, tables and pictures to this folder",
-            "format": "table, json, csv, markdown or latex",
+            "format": "table, json, csv, markdown, latex, methods",
             "explain": "show the repairs that would save most",
             "with": "also hota, clear, identity, gospa, nees",
         },
