@@ -60,7 +60,7 @@ def table(verb: str, section: str | None = None) -> str:
     usual = {item for part in records(DEFAULT).values() for item in part.items()}
     shared = [name for name, text in options.items() if (name, text) in usual]
     text = rows({name: text for name, text in options.items() if name not in shared})
-    names = ", ".join(f"`{re.findall(r'--[a-z-]+', name)[0]}`" for name in shared)
+    names = ", ".join(f"`{re.findall(r'--[a-z-]+|-h', name)[0]}`" for name in shared)
     return f"{text}\n\nOptions that `evaluate` has too: {names}."
 
 

@@ -17,8 +17,8 @@ from checkout import DOCS
 
 from tgospa_eval import __version__
 from tgospa_eval.api import options
-from tgospa_eval.cli.shared import click_builder
-from tgospa_eval.cli.verbs import VERBS
+from tgospa_eval.cli.shared import click_builder, command
+from tgospa_eval.cli.verbs import VERBS, load
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -392,7 +392,7 @@ def test_option_choices_are_the_members() -> None:
 
     assert tuple(LAYOUTS) == options.LAYOUTS
     assert tuple(SOLVERS) == options.SOLVERS
-    assert tuple(REPORTS) == click_builder.REPORT_FORMATS
+    assert tuple(REPORTS) == (*click_builder.REPORT_FORMATS, "methods")
 
 
 @pytest.mark.parametrize("solver", ["certified", "sinkhorn"])  # the referee is slow to start
@@ -792,3 +792,32 @@ def test_a_bad_input_leaves_no_folder(invoke: Run, write: Write, tmp_path: Path)
     bad = write("bad.csv", "id,t,x\na,1,oops\n")
     assert invoke(bad, bad, "-o", "out").status == 3
     assert os.listdir(tmp_path) == ["bad.csv"]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_short_help_is_one_screen_with_usage_example_and_ten_options(
+    invoke: Run, verb: str
+) -> None:
+    done = invoke(verb, "-h")
+    lines = done.out.splitlines()
+    assert (done.status, done.err) == (0, "")
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith(f"Usage: tgospa-eval {verb}")
+    assert sum(line.startswith("  tgospa-eval ") for line in lines) == 1
+    shown = re.findall(r"^  (?:-\w, )?(--[\w-]+)", done.out, re.MULTILINE)
+    assert len(shown) == (5 if verb == "verify" else 10)
+    assert {*shown} <= {*command.long_options(load(verb))}
+    section = "general"
+    one = invoke("help", verb, section)
+    assert one.status == 0
+    assert len(one.out) < len(invoke(verb, "--help").out)
+
+
+def test_a_section_of_the_help_by_its_name(invoke: Run) -> None:
+    out = invoke("help", "evaluate", "metric").out
+    assert "--cutoff" in out
+    assert "--columns" not in out
+    assert invoke("evaluate", "--help-all").out == invoke("help", "evaluate").out
+    assert "evaluate has no section zzz; there are metric," in invoke("help", "evaluate", "zzz").err
+    assert "--runs" in invoke("help", "compare", "scaling", "study").out

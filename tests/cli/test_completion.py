@@ -9,6 +9,7 @@ from click.shell_completion import BashComplete, FishComplete, ShellComplete, Zs
 
 from tgospa_eval.cli.verbs import cli
 
+OTHERS = ("clear", "identity", "gospa", "nees")
 PROGRAM = Path(sys.executable).with_name("tgospa-eval")
 
 
@@ -42,6 +43,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("tgospa-eval gate gt.csv e", ["file,e"]),
         ("tgospa-eval gt.csv est.csv --interp", ["plain,--interpolate"]),
         ("tgospa-eval gt.csv est.csv --interpolate ", ["plain,estimate", "plain,truth"]),
+        ("tgospa-eval gt.csv est.csv --with h", ["plain,hota"]),
+        ("tgospa-eval gt.csv est.csv --with hota,", [f"plain,hota,{name}" for name in OTHERS]),
+        ("tgospa-eval gt.csv est.csv --distance geo", ["plain,geodesic"]),
+        ("tgospa-eval gt.csv est.csv --format j", ["plain,json"]),
+        ("tgospa-eval gt.csv est.csv --solver c", ["plain,certified"]),
+        ("tgospa-eval gt.csv est.csv --truth-format kit", ["plain,kitti"]),
+        ("tgospa-eval compare gt.csv est.csv --solvers exact,s", ["plain,exact,sinkhorn"]),
         ("tgospa-eval compare gt.csv est.csv --config ", ["file,"]),
         ("tgospa-eval simulate demo --setting x", ["plain,xia-2019"]),
     ],

@@ -23,7 +23,7 @@ from tgospa_eval.solvers import SOLVERS, solver_class
     [
         (DISTANCES.own, DISTANCES.own),
         (options.SOLVERS, SOLVERS),
-        (click_builder.REPORT_FORMATS, REPORTS),
+        ((*click_builder.REPORT_FORMATS, "methods"), REPORTS),
         (FORMATS.own, FORMATS.own),
     ],
 )

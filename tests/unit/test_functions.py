@@ -18,6 +18,7 @@ from tgospa_eval import (
     ConfigError,
     InputError,
     TgospaWarning,
+    associate,
     batch,
     compare,
     evaluate,
@@ -54,6 +55,14 @@ def test_every_option_is_a_keyword() -> None:
         assert named <= inspect.signature(function).parameters.keys()
     with pytest.raises(TypeError, match=r"evaluate\(\) has no keyword cutof; did you mean cutoff"):
         evaluate([], [], cutof=3)
+    for name, meant in {
+        "gamma": "switch_penalty",
+        "c": "cutoff",
+        "p": "order",
+        "g": "switch_",
+    }.items():
+        with pytest.raises(TypeError, match=f"no keyword {name}; did you mean {meant}"):
+            evaluate([], [], **{name: 3.0})
     with pytest.raises(ConfigError, match='grid is "both": must be one of union, truth'):
         evaluate([], [], grid="both")
     with pytest.raises(ConfigError, match="region is 3: must be a text"):
@@ -281,3 +290,30 @@ def test_a_message_that_proposes_a_filter_can_be_pasted(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'truth_where="id != -1" leaves such rows out'):
         evaluate(tmp_path / "a.csv", tmp_path / "a.csv")
     assert option("where", 'class == "car"') == "where='class == \"car\"'"
+
+
+def test_everything_public_prints_as_a_short_table_or_a_sentence() -> None:
+    truth, estimate = tgospa_eval.simulate(targets=3, steps=20, seed=1, state="gaussian")
+    result = evaluate(truth, estimate, 10.0, with_="nees", slices="range=0:50:100")
+    made = associate(truth, estimate, 10.0)
+    explained = result.explain()
+    public = [result, result.nees, result.proof, made, explained, explained.repairs[0]]
+    for one in (*public, *result.slices("range=0:50"), truth, tgospa_eval.Recorder()):
+        for text in (str(one), repr(one)):
+            assert len(text) < 700
+            assert "array(" not in text
+            assert "object at" not in text
+    assert str(result.nees).startswith("NEES 1.672 where 2 is expected")
+    assert str(made).splitlines()[0] == "53 associated, 7 of A and 6 of B alone, in 20 steps"
+    assert str(made).splitlines()[-1] == "and 56 more; all of them: associations"
+
+
+def test_an_association_has_its_tables_as_other_results_have() -> None:
+    made = associate({"a": [[0.0, 0.0]]}, {"b": [[0.0, 1.0]], "c": [[9.0, 9.0]]}, 5.0)
+    assert made.table("associations") == made.associations_table()
+    assert made.associations["id_b"].tolist() == ["b", "c"]
+    assert made.costs["associated"].tolist() == [1]
+    with pytest.raises(ConfigError, match=r"no table .pairs.; there are associations, costs"):
+        made.table("pairs")
+    with pytest.raises(InputError, match="cross-covariances are those of particles"):
+        print(made.cross_covariances)

@@ -59,8 +59,11 @@ from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, option, quoted
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
 
+    from tgospa_eval.api.option_types import BatchEvaluationOptions
     from tgospa_eval.show.batch import BandKind
     from tgospa_eval.show.charts import Pictures
 
@@ -160,7 +163,7 @@ def batch(
     band: "BandKind | None" = None,
     over: str | None = None,
     force: bool = False,
-    **options: Any,
+    **options: "Unpack[BatchEvaluationOptions]",
 ) -> Batch:
     """Evaluate many pairs of files, as ``tgospa-eval batch`` does; what is done is not done again.
 

@@ -62,8 +62,11 @@ from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.coverage import refuse_own_marks
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
 
+    from tgospa_eval.api.option_types import CompareOptions, SweepOptions
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 
@@ -120,7 +123,7 @@ def sweep(
     *,
     rho: "Values" = 0.5,
     mapping: "Components | None" = None,
-    **options: Any,
+    **options: "Unpack[SweepOptions]",
 ) -> Sweep:
     """TGOSPA over a range of one parameter, each point with proven bounds.
 
@@ -234,7 +237,7 @@ def compare(
     *,
     solvers: Sequence[str | Solver] = (),
     mapping: "Components | None" = None,
-    **options: Any,
+    **options: "Unpack[CompareOptions]",
 ) -> Compared:
     """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
 

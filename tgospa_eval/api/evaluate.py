@@ -23,6 +23,9 @@ from tgospa_eval.formats.objects import is_path
 from tgospa_eval.results.records import Json
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
+    from tgospa_eval.api.option_types import EvaluateOptions
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
@@ -40,7 +43,7 @@ def evaluate(
     mapping: "Components | None" = None,
     memory: "float | str | None" = None,
     scheduler: str | None = None,
-    **options: Any,
+    **options: "Unpack[EvaluateOptions]",
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 

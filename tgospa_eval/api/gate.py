@@ -55,8 +55,11 @@ from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
 
+    from tgospa_eval.api.option_types import GateEvaluationOptions
     from tgospa_eval.api.result import Result
 
 PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kind == "path")
@@ -557,7 +560,7 @@ def gate(
     only: str | Iterable[str] = (),
     prune: bool = False,
     strict: bool = False,
-    **options: Any,
+    **options: "Unpack[GateEvaluationOptions]",
 ) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
 

@@ -100,9 +100,17 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
         if name not in there:
             from difflib import get_close_matches  # lazy: most calls are right
 
-            near = get_close_matches(name, there, 1)
+            near = [_meant(name)] if _meant(name) in there else get_close_matches(name, there, 1)
             meant = f"; did you mean {near[0]}?" if near else ""
             raise TypeError(f"{function}() has no keyword {name}{meant}")
+
+
+def _meant(name: str) -> str | None:
+    """The keyword of a letter or another name that the option has: gamma is `switch_penalty`."""
+    for field, about in OPTION_SPECS.items():
+        if name.replace("_", "-") in re.findall(r"-([\w-]+)", about.declaration.replace("--", "-")):
+            return field
+    return None
 
 
 def _documented(doc: str, names: Iterable[str]) -> str:

@@ -15,6 +15,9 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
+    from tgospa_eval.api.option_types import RecorderOptions
     from tgospa_eval.api.result import Result
     from tgospa_eval.formats.objects import ArrayLike
 
@@ -115,7 +118,7 @@ class Recorder:
         """The estimate up to now."""
         return self._trajectories("estimate", None)
 
-    def evaluate(self, **options: Any) -> "Result":
+    def evaluate(self, **options: "Unpack[RecorderOptions]") -> "Result":
         """TGOSPA of what was kept.
 
         Parameters

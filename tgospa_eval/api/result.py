@@ -244,6 +244,10 @@ class Showable(Evaluation):
 class Proof(PairProof):
     """The proof of a result, to be saved for others; fields are those of `PairProof`."""
 
+    def __repr__(self) -> str:
+        low, high = self.bounds.lower, self.bounds.upper
+        return f"Proof({low:.17g} <= total / c^p <= {high:.17g}, {self.parameters.in_words()})"
+
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
         """Write the proof folder: what a third party needs to check the bounds again.
 

@@ -1,6 +1,7 @@
 """States of sensors, whoever asks: which belong together, and clouds with fewer particles."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
@@ -11,21 +12,28 @@ from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import recast, replace
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Reduction, Resources
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Columns
 from tgospa_eval.sensors import Pairing, reduce_trajectories
 from tgospa_eval.sensors import associate as associate_states
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     import os
+    from typing import Unpack
 
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from tgospa_eval.api.option_types import AssociateOptions, ReduceOptions
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
     from tgospa_eval.show.plot_data import PlotData
+
+
+FIRST_ROWS = 10
+"""Rows of associations that are printed."""
 
 
 class Association(Pairing):
@@ -46,6 +54,55 @@ class Association(Pairing):
     distance : Distance
         As it was measured.
     """
+
+    def __repr__(self) -> str:
+        count, (a, b) = int(self.chosen.sum()), self.unassigned
+        return f"Association(associated={count}, alone={(a, b)}, total={self.total:.6g})"
+
+    def __str__(self) -> str:
+        from tgospa_eval.show.result_text import association_text  # lazy: slow to import
+
+        return association_text(self, most=FIRST_ROWS, rest="associations").rstrip("\n")
+
+    def table(self, name: str) -> Columns:
+        """A table as plain columns: ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
+
+        Raises
+        ------
+        ConfigError
+            There is no such table.
+        InputError
+            Cross-covariances are those of particles, which no side has.
+        """
+        tables = {
+            "associations": self.associations_table,
+            "costs": self.costs_table,
+            "cross_covariances": self.cross_covariances_table,
+        }
+        if name not in tables:
+            raise ConfigError(f"no table {quoted(name)}; there are {', '.join(tables)}")
+        return tables[name]()
+
+    @cached_property
+    def associations(self) -> "pd.DataFrame":
+        """Each state once: pairs by step, without a partner where a state stays alone."""
+        return self.frame("associations")
+
+    @cached_property
+    def costs(self) -> "pd.DataFrame":
+        """All pairs that were measured, and whether they were associated."""
+        return self.frame("costs")
+
+    @cached_property
+    def cross_covariances(self) -> "pd.DataFrame":
+        """Of each associated pair the cross-covariance of the particles."""
+        return self.frame("cross_covariances")
+
+    def frame(self, name: str) -> "pd.DataFrame":
+        """A table as a DataFrame."""
+        import pandas as pd  # lazy: slow to import
+
+        return pd.DataFrame(self.table(name))
 
     @property
     def drawn(self) -> "PlotData":
@@ -168,7 +225,7 @@ def associate(
     b_columns: "str | Sequence[str] | None" = None,
     a_where: "str | Sequence[str]" = (),
     b_where: "str | Sequence[str]" = (),
-    **options: Any,
+    **options: "Unpack[AssociateOptions]",
 ) -> Association:
     """Which states of two sensors belong together, step by step.
 
@@ -224,7 +281,7 @@ def reduce(
     *,
     mapping: "Sequence[int] | None" = None,
     in_format: str | None = None,
-    **options: Any,
+    **options: "Unpack[ReduceOptions]",
 ) -> tuple[Trajectories, "pd.DataFrame"]:
     """Particle clouds with fewer particles.
 

@@ -145,7 +145,8 @@ def _run(arguments: Sequence[str] | None) -> int:
             print_notice(str(context.meta[CONFIG]))
         text = io.StringIO()
         error.show(file=text)
-        print_notices(text.getvalue().rstrip("\n"))
+        short = text.getvalue().replace(" --help-all' for help", " -h' for help")
+        print_notices(short.rstrip("\n"))
         status = max(error.exit_code, ExitStatus.WRONG_OPTION)
     except (KeyboardInterrupt, click.Abort):
         print_notice("interrupted")

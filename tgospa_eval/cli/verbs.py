@@ -25,6 +25,9 @@ VERBS = {
 }
 """Module and summary of each verb; the module's command is called `command`."""
 
+SECTION = "tgospa_eval.section"
+"""Under this name the context keeps the section that `help VERB SECTION` asks for."""
+
 CONFIG = "tgospa_eval.common.config"
 """Under this name the context keeps the configuration file in use."""
 
@@ -77,6 +80,10 @@ class Verbs(click.Group):
             The first argument is neither a verb nor a file, but like a verb.
         """
         if args[:1] == ["help"]:
+            verb, section = args[1:2], args[2:]
+            if section and verb[0] in VERBS:
+                ctx.meta[SECTION] = " ".join(section)
+                args = args[:2]
             args = [*args[1:], "--help"]
         if args and args[0] not in ("--help", "-h", "--version"):
             at = self._first_argument(ctx, args)
@@ -190,5 +197,6 @@ def cli() -> None:  # \b keeps click from filling the lines below it
       tgospa-eval simulate demo            make two files to try it on
       tgospa-eval demo/truth.csv demo/estimate.csv
                                            evaluate them
-      tgospa-eval help evaluate            all options, with examples
+      tgospa-eval evaluate -h              the options that are used most
+      tgospa-eval help evaluate            all of them; help evaluate metric: a section
     """

@@ -103,3 +103,7 @@ def as_distance(distance: "str | Distance | None") -> "Distance":
     if isinstance(distance, Distance):
         return distance
     return DISTANCES.ours("euclidean") if distance is None else DISTANCES.chosen(distance)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -44,7 +44,7 @@ class ArrayLike(Protocol):
         """The numbers."""
 
 
-TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike]"
+TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequence[object]]"
 """Times and states."""
 
 
@@ -656,7 +656,7 @@ def numbers_of(value: object, where: str) -> Floats:
 # What a Python user gives as weights of steps, as `WeightsByTime`.
 
 StepWeightsLike: TypeAlias = (
-    "Mapping[object, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
+    "Mapping[Any, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
     "os.PathLike[str]"
 )
 """Time to weight, a table ``t, weight[, switch_weight]``, an array (T,), a path."""

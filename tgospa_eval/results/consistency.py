@@ -100,6 +100,9 @@ class NeesSums:
     ends: float = 0.0
     ranks: tuple[tuple[float, ...], ...] = ()
 
+    def __str__(self) -> str:
+        return f"NEES {self.in_words}"
+
     def plain(self) -> dict[str, Any]:
         """As values of a row; `NeesSums(**values)` is the way back."""
         return {one.name: getattr(self, one.name) for one in fields(self)}

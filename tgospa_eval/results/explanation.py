@@ -81,6 +81,10 @@ class Repair:
     saving_upper: float
     edit: Callable[[Trajectories], Trajectories]
 
+    def __repr__(self) -> str:
+        saved = f"tgospa={self.tgospa:.6g}, saving={self.saving_lower:.6g}"
+        return f"Repair({self.text!r}, {saved})"
+
     def record(self, rank: int, total: float) -> Json:
         """Its part of the JSON document; `total` is the cost before."""
         return {

@@ -84,6 +84,10 @@ class Slicing:
         """Sum of the costs of all slices: that of the evaluation."""
         return math.fsum(getattr(part, name) for part in self.slices for name in PARTS)
 
+    def __repr__(self) -> str:
+        costs = ", ".join(f"{part.name}: {part.total:.6g}" for part in self.slices)
+        return f"Slicing({self.by!r}, total={self.total:.6g}; {costs})"
+
     def table(self) -> Columns:
         """A row for each slice."""
         names = ("total", *SLICE_NUMBERS)

@@ -24,6 +24,7 @@ from tgospa_eval.results.records import MEAN, PARTS, SPREAD, Columns, OtherMetri
 from tgospa_eval.results.slices import Slice, Slicing, in_order
 from tgospa_eval.results.summary import flat
 from tgospa_eval.results.summary import rows as summary_rows
+from tgospa_eval.show.methods import methods
 from tgospa_eval.show.rendering import (
     INDENT,
     PART_HEADS,
@@ -478,6 +479,7 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "csv": lambda result: csv_text(result.table("per_step")),
     "markdown": lambda result: WRITERS["markdown"](document(result)),
     "latex": lambda result: WRITERS["latex"](document(result)),
+    "methods": methods,
 }
 """What ``--format`` prints of a result; a member needs a line in the docs."""
 
@@ -801,8 +803,10 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def association_text(found: "Pairing", *, rows: bool = True) -> str:
-    """Counts, and the associations in columns."""
+def association_text(
+    found: "Pairing", *, rows: bool = True, most: int = ROWS, rest: str | None = None
+) -> str:
+    """Counts, and the associations in columns: at most so many, and where the rest is."""
     count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
@@ -812,7 +816,7 @@ def association_text(found: "Pairing", *, rows: bool = True) -> str:
     ]
     if rows:
         table = list(zip(*found.associations_table().values(), strict=True))
-        lines += _aligned(("t", "A", "B", "distance", "of means"), table)
+        lines += _aligned(("t", "A", "B", "distance", "of means"), table, most, rest)
     return "\n".join(lines) + "\n"
 
 
@@ -841,14 +845,16 @@ def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None
     return "\n".join(lines) + "\n"
 
 
-def _aligned(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+def _aligned(
+    head: Sequence[str], rows: Sequence[Sequence[object]], most: int = ROWS, rest: str | None = None
+) -> list[str]:
     """Aligned columns; of many rows the first ones."""
-    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:ROWS]])
+    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:most]])
     lines = text_lines(table, "") if rows else []
-    rest = len(rows) - ROWS
-    return (
-        [*lines, f"and {rest} more; all of them: {option('format', 'csv')}"] if rest > 0 else lines
-    )
+    if len(rows) > most:
+        where = rest or option("format", "csv")
+        lines.append(f"and {len(rows) - most} more; all of them: {where}")
+    return lines
 
 
 def _cell(value: object) -> str:

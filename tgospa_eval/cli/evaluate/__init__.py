@@ -151,6 +151,8 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
             )
     for option in _without_proof(chosen) if "proof" in typed else ():
         raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
+    if sweep and output.format_ == "methods":
+        raise click.UsageError("--format methods is for one evaluation, not for --sweep")
     if chosen.slices and sweep:
         raise click.UsageError("--slice is for one evaluation, not for --sweep")
     if chosen.with_ is not None and sweep:

@@ -1,6 +1,6 @@
 """Options for click, built from `api.options.Request` and other records; those of the output."""
 
-from collections.abc import Callable, Collection, Container
+from collections.abc import Callable, Collection, Container, Sequence
 from dataclasses import Field, fields
 from functools import partial
 from types import UnionType
@@ -139,20 +139,23 @@ PICTURE_OPTIONS = (
 FORCE = _output("--force", "Write into a folder with other files in it.")
 
 
-def report_format(make: Callable[..., Option] = option, csv: str = "csv") -> Option:
-    """``--format`` of a report."""
+def report_format(
+    make: Callable[..., Option] = option, csv: str = "csv", more: Sequence[str] = ()
+) -> Option:
+    """``--format`` of a report; `more` are formats of one verb."""
     return make(
         "--format FORMAT",
-        f"What to print: table, json, {csv}, markdown or latex.",
+        f"What to print: table, json, {csv}, markdown or latex."
+        + " For a paper: methods, a paragraph that says what was computed." * bool(more),
         name="format_",
         section="Output",
-        type=click.Choice(REPORT_FORMATS),
+        type=click.Choice((*REPORT_FORMATS, *more)),
         default="table",
     )
 
 
 OUTPUT = (
-    report_format(csv="csv (the costs of each step)"),
+    report_format(csv="csv (the costs of each step)", more=("methods",)),
     _output(
         "-o, --output DIR",
         "Write result.json, CSV tables, report.html and pictures to this folder.",

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.api.options import PLAIN
+from tgospa_eval.api.options import PLAIN, SOLVERS
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.verbs import CONFIG, VERBS, load
+from tgospa_eval.cli.verbs import CONFIG, SECTION, VERBS, load
 from tgospa_eval.common import config
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.registry import Registry
 from tgospa_eval.text import clipped, listed, visible
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
     from click.types import OptionHelpExtra
 
     from tgospa_eval.campaign.gate.suite import Target
@@ -67,6 +68,17 @@ REMOVED = {
     "--format github-action-benchmark": "--format json has all values",
 }
 """Options that are gone, and what to use instead."""
+
+LISTED = {
+    "with": ("hota", "clear", "identity", "gospa", "nees"),
+    "solvers": SOLVERS,
+    "pictures": ("png", "svg", "pdf", "none"),
+    "components": ("localisation", "missed", "false", "switch"),
+    "slice": ("class", "range=", "speed", "size", "density", "age", "region=", "visibility="),
+    "ignore": ("marked", "marked-estimates", "outside-truth-steps", "truth-gaps", "in-regions"),
+    "sweep": ("c=", "p=", "gamma=", "rho="),
+}
+"""Values that a shell completes, of options that take several."""
 
 PLAIN_NUMBERS = ((click.types.FloatParamType, float), (click.types.IntParamType, int))
 
@@ -122,6 +134,21 @@ class Option(click.Option):
             if isinstance(self.type, kind) and parse(value) is None:
                 raise click.BadParameter(f"{value!r} is no {right}", ctx, self)
         return super().type_cast_value(ctx, value)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
+        """Values that may follow; of a list with commas those of its last item."""
+        names = LISTED.get(self.key) or getattr(self.type, "choices", ())
+        if not names:
+            return super().shell_complete(ctx, incomplete)
+        from click.shell_completion import CompletionItem  # lazy: few runs are completions
+
+        before, comma, last = incomplete.rpartition("," if self.key in LISTED else "\0")
+        given = before.split(",")
+        return [
+            CompletionItem(f"{before}{comma}{name}")
+            for name in names
+            if name.startswith(last) and name not in given
+        ]
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Names and text; a default in words needs no parentheses of its own."""
@@ -307,13 +334,66 @@ SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""
 
 
+def _print_short(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:  # noqa: ARG001
+    """Callback of -h."""
+    if given and not ctx.resilient_parsing and isinstance(ctx.command, Verb):
+        from tgospa_eval.cli.shared.short_help import short_help  # lazy: most runs ask for none
+
+        click.echo(short_help(ctx.command, ctx, ctx.command.sections(ctx)), nl=False)
+        ctx.exit()
+
+
+SHORT_HELP = click.Option(
+    ["-h", "short_help"],
+    help="Show the options that are used most.",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_short,
+)
+
+
 class Verb(click.Command):
     """A command with its options in sections, and messages with what to type."""
 
     allow_extra_args = True  # messages of ours are longer than those of click
 
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """All options, with those of the help: one short, the others long."""
+        return [*super().get_params(ctx), SHORT_HELP]
+
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """The options of the long help."""
+        return ["--help", "--help-all"]
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, or one section of it."""
+        if SECTION not in ctx.meta:
+            super().format_help(ctx, formatter)
+            return
+        self.format_usage(ctx, formatter)
+        self.format_options(ctx, formatter)
+
+    def sections(self, ctx: click.Context) -> list[str]:
+        """Headings of its options."""
+        there = {
+            getattr(item, "section", SECTIONS[-1])
+            for item in self.get_params(ctx)
+            if isinstance(item, click.Option) and not item.hidden
+        }
+        return [name for name in SECTIONS if name in there]
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options below the headings of their sections."""
+        wanted = ctx.meta.get(SECTION)
+        if wanted is not None:
+            near = [name for name in self.sections(ctx) if name.lower().startswith(wanted.lower())]
+            if not near:
+                raise click.UsageError(
+                    f"{self.name} has no section {clipped(wanted)}; there are "
+                    f"{', '.join(self.sections(ctx)).lower()}",
+                    ctx,
+                )
         found: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
         for item in self.get_params(ctx):
             record = item.get_help_record(ctx) if isinstance(item, click.Option) else None
@@ -321,7 +401,7 @@ class Verb(click.Command):
                 found[getattr(item, "section", SECTIONS[-1])].append(record)
         measures = any(item.name == "distance" for item in self.params)
         for name, records in found.items():
-            if records:
+            if records and (wanted is None or name in near):
                 about = f", with --distance {NEEDED[name]}" if measures and name in NEEDED else ""
                 with formatter.section(name + about):
                     formatter.write_dl(records, col_max=28)

@@ -1,0 +1,186 @@
+"""The first screen of a verb: usage, one example, and the options that people use, by task."""
+
+import re
+import textwrap
+from collections.abc import Iterable
+
+import click
+
+WIDTH = 80
+_CONTINUED = r"\s*\\\n\s*"
+
+METRIC = {
+    "cutoff": "distance beyond which nothing is matched",
+    "switch-penalty": "what a track switch costs",
+    "distance": "euclidean, iou, haversine, mahalanobis, ...",
+}
+READING = {
+    "columns": "state columns, and headers: x,y or id=track,x=px",
+    "class": "only rows of these classes",
+}
+TOLERANCE = {"time-tolerance": "join times that differ by at most DT"}
+
+USUAL: dict[str, dict[str, dict[str, str]]] = {
+    "evaluate": {
+        "Choose the metric": METRIC,
+        "Read the files": READING | TOLERANCE,
+        "See more": {
+            "output": "write page, tables and pictures to this folder",
+            "format": "table, json, csv, markdown, latex, methods",
+            "explain": "show the repairs that would save most",
+            "with": "also hota, clear, identity, gospa, nees",
+        },
+    },
+    "inspect": {
+        "Look": {
+            "plot": "draw what is in the files",
+            "cutoff": "distance beyond which nothing is matched",
+            "distance": METRIC["distance"],
+            "format": "a table or json",
+        },
+        "Read the files": READING
+        | TOLERANCE
+        | {
+            "truth-format": "format of TRUTH, where it is not found",
+            "estimate-format": "format of ESTIMATE, where it is not found",
+            "where": "only rows that pass: 'score >= 0.5'",
+        },
+    },
+    "explain": {
+        "Choose the metric": METRIC,
+        "Read the files": READING | TOLERANCE,
+        "Repair": {
+            "top": "how many repairs to show",
+            "apply": "write the estimate with repair N done, with -o",
+            "output": "where to write it",
+            "format": "a table or json",
+        },
+    },
+    "gate": {
+        "Judge": {
+            "baseline": "values of before, in a JSON file",
+            "update-baseline": "make the baseline, or replace it",
+            "fail-on": "rule: total:+2%, counts.switch:+0",
+            "max": "limit that depends on no baseline: tgospa=50",
+            "suite": "judge the pairs of files of this TOML file",
+            "against": "let a revision's baseline and suite judge",
+        },
+        "Choose the metric": METRIC,
+        "See more": {"format": "table, json or markdown"},
+    },
+    "compare": {
+        "Compare": {
+            "solvers": "compare solvers, not estimates",
+            "with": "also hota, clear, identity, gospa, nees",
+        },
+        "Choose the metric": METRIC,
+        "Read the files": READING | TOLERANCE,
+        "See more": {
+            "output": "write page, tables and pictures to this folder",
+            "format": "table, json, csv, markdown or latex",
+        },
+    },
+    "batch": {
+        "Say what there is": {
+            "truth": "path with fields: gt/{run}.csv",
+            "estimate": "paths with fields: out/{tracker}/{run}.csv",
+            "layout": "folders of a benchmark: motchallenge or kitti",
+        },
+        "Choose the metric": METRIC,
+        "Run, and show": {
+            "output": "the store; the same command goes on with it",
+            "workers": "number of processes",
+            "by": "labels by which tables add up",
+            "format": "table, json, csv, markdown or latex",
+        },
+    },
+    "verify": {
+        "Check": {
+            "script": "the program that checks",
+            "covariance": "the file that this option named",
+            "inner-cov": "the same",
+            "region": "the same",
+            "ignore-regions": "the same",
+        },
+    },
+    "simulate": {
+        "Make a scene": {
+            "scenario": "how targets move",
+            "targets": "number of targets",
+            "steps": "number of steps",
+            "state": "point, gaussian, cloud or box",
+            "seed": "the same one makes the same files",
+        },
+        "Make errors": {
+            "noise": "standard deviation in each coordinate",
+            "detection": "probability of a report",
+            "swaps": "probability that near targets exchange tracks",
+            "false-rate": "false tracks that begin at a step",
+        },
+        "Write": {"format": "csv, motchallenge or kitti"},
+    },
+    "associate": {
+        "Choose what is near": {
+            "cutoff": "distance beyond which nothing is associated",
+            "distance": METRIC["distance"],
+        },
+        "Read the files": READING
+        | TOLERANCE
+        | {
+            "a-format": "format of A, where it is not found",
+            "b-format": "format of B, where it is not found",
+        },
+        "See more": {
+            "output": "write page, table and picture to this folder",
+            "cost-matrix": "write the distances of all pairs",
+            "format": "table, json or csv",
+        },
+    },
+    "reduce": {
+        "Reduce": {
+            "size": "particles of each cloud",
+            "reduce-method": "sliced, recursive, atl, kmeans, systematic, ...",
+            "seed": "of the random choices",
+            "restarts": "starts, of which the nearest is kept",
+        },
+        "Read the files": {
+            "in-format": "format of the file, where it is not found",
+            "columns": READING["columns"],
+            "where": "only rows that pass: 'score >= 0.5'",
+            "time": "only the steps from A to B",
+        },
+        "Write": {
+            "format": "a table, json or csv",
+            "force": "write over a file that exists",
+        },
+    },
+}
+"""By verb and task the options of the first screen, by their names in a settings file."""
+
+
+def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
+    """Usage, what the verb does, an example, the usual options, and where the others are."""
+    verb = str(command.name)
+    options = {
+        name.lstrip("-"): item
+        for item in command.params
+        if isinstance(item, click.Option)
+        for name in item.opts
+        if name.startswith("--")
+    }
+    text = re.sub(r"\s+", " ", (command.help or "").partition("\n\n")[0]).strip()
+    examples = re.findall(r"^ *(tgospa-eval (?:.*\\\n *)*.*?)(?:  .*)?$", command.help or "", re.M)
+    whole = (re.sub(_CONTINUED, " ", one) for one in examples)
+    example = next(one for one in whole if len(one) <= WIDTH - 2)
+    lines = [command.get_usage(ctx), "", text, "", f"  {example}", ""]
+    for task, usual in USUAL[verb].items():
+        lines.append(f"{task}:")
+        for key, about in usual.items():
+            item = options[key]
+            names = [*[name for name in item.opts if len(name) == 2], f"--{key}"]
+            metavar = (item.metavar or "").replace(" ", "")
+            metavar = " FORMAT" if metavar.startswith("[") else f" {metavar}" * bool(metavar)
+            lines.append(f"  {', '.join(names) + metavar:27} {about}")
+    listed = f"Sections: {', '.join(sections).lower()}."
+    more = f"tgospa-eval help {verb} SECTION shows one, tgospa-eval {verb} --help all."
+    return "\n".join([*lines, "", *textwrap.wrap(listed, WIDTH), more, ""])

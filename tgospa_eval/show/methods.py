@@ -1,0 +1,84 @@
+"""A paragraph for a paper: the metric, its parameters, what it was computed on and what is proven.
+
+Keys of citations are those of the BibTeX in docs/reference/cite.md.
+"""
+
+from typing import cast
+
+from tgospa_eval.common.words import counted, number
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.text import visible
+
+TOOL, METRIC = "tgospa-eval", "garciafernandez2020metric"
+
+MEMBERS = {
+    "rho": ("a share rho of c^p for false targets", "garciafernandez2025quasi"),
+    "step_weights": ("weights of the steps", "garciafernandez2021timeweighted"),
+    "existence": ("probabilities of existence", "xia2025probabilistic"),
+}
+"""Members of the family, by the parameter that makes them: the words, and whom to cite."""
+
+GRIDS = {
+    "union": "at which either side has a state",
+    "truth": "of the ground truth",
+    "estimate": "of the estimate",
+    "common": "at which both sides have states",
+}
+
+
+def methods(result: Evaluation) -> str:
+    """One paragraph."""
+    parts = _metric(result), _data(result), _value(result), _origin(result)
+    return visible(f"{'. '.join(parts)}.") + "\n"
+
+
+def _cited(*keys: str) -> str:
+    return f"[{'; '.join(f'@{key}' for key in keys)}]"
+
+
+def _metric(result: Evaluation) -> str:
+    settings = result.parameters
+    members = [about for name, about in MEMBERS.items() if settings.get(name, 0.5) != 0.5]
+    family = f", with {' and '.join(f'{text} {_cited(key)}' for text, key in members)}"
+    columns = ", ".join(cast("list[str]", settings["columns"]))
+    return (
+        "The estimate was compared with the ground truth by the trajectory generalised optimal "
+        f"sub-pattern assignment (TGOSPA) metric {_cited(METRIC)}{family * bool(members)}, with "
+        f"{result.parameters_in_words(result.labels.unit)}, and the base distance "
+        f"{settings['distance']} of the states ({columns})"
+        + ", of each class by itself, and the costs added"
+        * (settings.get("by") == "class")
+    )
+
+
+def _data(result: Evaluation) -> str:
+    judged, sizes, settings = result.judged, result.sizes, result.parameters
+    chosen = "steps" in settings or "resample" in settings
+    grid = "of a clock that was chosen" if chosen else GRIDS[str(settings.get("grid", "union"))]
+    states = counted(result.evaluated_on.truth_states, "state")
+    ends = f", t = {judged['first']} to {judged['last']}" if sizes["steps"] else ""
+    return (
+        f"It was evaluated over the {counted(sizes['steps'], 'step')} {grid}{ends}, with "
+        f"{counted(sizes['truth'], 'object')} ({states}) "
+        f"and {counted(sizes['estimates'], 'estimated trajectory', 'estimated trajectories')}"
+    )
+
+
+def _value(result: Evaluation) -> str:
+    low, high = f"{result.lower_bound:.12g}", f"{result.upper_bound:.12g}"
+    unit = f" {result.labels.unit}" if result.labels.unit else ""
+    costs = ", ".join(
+        f"{name} {number(getattr(result, name), 6)}"
+        for name in ("localisation", "missed", "false", "switch")
+    )
+    return (
+        f"{result.claim} ({result.proven}; the proven bounds are {low}{unit} and {high}{unit}), "
+        f"of which the costs to the power p are {costs}"
+    )
+
+
+def _origin(result: Evaluation) -> str:
+    return (
+        f"Values were computed with tgospa-eval {result.version} {_cited(TOOL)}, solver "
+        f"{result.solver['name']}, which computes both bounds again from the data after solving"
+    )
