@@ -17,6 +17,7 @@ import pytest
 import yaml
 
 import tgospa_eval
+from tgospa_eval.api import batch_row
 from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
 from tgospa_eval.campaign.gate.report import GATE_REPORTS
 from tgospa_eval.campaign.gate.rules import STATUS, Value, judge, parse_rules
@@ -182,7 +183,7 @@ def test_processes_find_what_one_finds(gate: Invoke, monkeypatch: pytest.MonkeyP
     Path("out/slow/2.csv").unlink()
     write("out/fast/3.csv", "id,t,x,y\na,1,2\n")
     alone = gate("--format", "json", "--jobs", "1")
-    monkeypatch.setattr(tgospa_eval.api.batch, "PATIENCE", 0.0)
+    monkeypatch.setattr(batch_row, "PATIENCE", 0.0)
     several = gate("--format", "json", "--jobs", "2")
     assert (several.status, several.err) == (alone.status, alone.err)
     assert without_seconds(json.loads(several.out)) == without_seconds(json.loads(alone.out))

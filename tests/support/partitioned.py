@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -19,3 +20,15 @@ def write_sides(sides: tuple[Trajectories, Trajectories], folder: Path) -> tuple
         for k in range(3):
             pq.write_table(table.filter(pa.array(part == k)), folder / name / f"{9 - k}.parquet")
     return str(folder / "truth"), str(folder / "estimate")
+
+
+OF_SUMMARY = (
+    *("followed", "completeness", "rmse", "fragments", "longest_stretch", "time_to_first"),
+    *("assigned", "purity"),
+)
+"""Columns of tracks that tables of data in parts do not have."""
+
+
+def without_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of a result without them."""
+    return table.drop(columns=[name for name in OF_SUMMARY if name in table])

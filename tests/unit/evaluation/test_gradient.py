@@ -15,7 +15,7 @@ from tgospa_eval.distances import (
     Norm,
     Reduction,
 )
-from tgospa_eval.evaluation import gradient as gradient_module
+from tgospa_eval.evaluation import uniqueness as gradient_module
 
 RNG = np.random.default_rng(0)
 POINTS = RNG.normal(size=(2, 3, 40))
