@@ -358,7 +358,7 @@ RARE = (
     *("formats.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("show.files", "show.html", "cli.shared.writing", "show.drawing"),
+    *("show.files", "show.html", "cli.shared.writing", "show.figure_tools"),
 )
 
 

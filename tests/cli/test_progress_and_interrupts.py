@@ -222,7 +222,7 @@ def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFix
 WATCHED = """
 import sys, threading
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.show import drawing
+from tgospa_eval.show import figure_tools as drawing
 
 waiting, update = [], progress.Display.update
 

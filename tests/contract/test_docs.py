@@ -20,7 +20,7 @@ from checkout import ROOT
 
 from tgospa_eval.cli import main
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.show import drawing
+from tgospa_eval.show import figure_tools as drawing
 
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]

@@ -167,7 +167,7 @@ def pictures(
         charts.items() if wanted.formats and looks.available() else ()
     ):
         with styled(wanted.style) as style:
-            from tgospa_eval.show.drawing import written  # lazy: matplotlib is slow to import
+            from tgospa_eval.show.figure_tools import written  # lazy: matplotlib is slow to import
 
             made = wanted.drawn(chart, subject, style)
             if made is not None:

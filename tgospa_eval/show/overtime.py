@@ -17,7 +17,16 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
 from tgospa_eval.results.records import SPREAD
-from tgospa_eval.show.drawing import boxes, counted, figure, legend, literal, power, stairs, titled
+from tgospa_eval.show.figure_tools import (
+    boxes,
+    counted,
+    figure,
+    legend,
+    literal,
+    power,
+    stairs,
+    titled,
+)
 from tgospa_eval.show.plot_data import FREE, KINDS, NONE, DrawnSide, PlotData, binned
 from tgospa_eval.show.style import (
     COLOURS,

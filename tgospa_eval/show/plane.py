@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.show.drawing import boxes as corners
-from tgospa_eval.show.drawing import figure, legend, literal, titled
+from tgospa_eval.show.figure_tools import boxes as corners
+from tgospa_eval.show.figure_tools import figure, legend, literal, titled
 from tgospa_eval.show.overtime import time_axis
 from tgospa_eval.show.plot_data import (
     NONE,

@@ -11,7 +11,7 @@ import numpy as np
 from crossing import PLACE, WAYS, Cloud, Floats, Scene, moments, position, scenes
 
 from tgospa_eval.distances import cloud_wasserstein
-from tgospa_eval.show.drawing import figure, label
+from tgospa_eval.show.figure_tools import figure, label
 from tgospa_eval.show.style import COLOURS, MARKERS
 
 OWN, TRUE = "Mahalanobis, own P", "Mahalanobis, true P"

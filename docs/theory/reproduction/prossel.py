@@ -7,7 +7,7 @@ import numpy as np
 from times import seconds
 
 from tgospa_eval.distances import cloud_wasserstein, reduce_cloud
-from tgospa_eval.show.drawing import figure, label
+from tgospa_eval.show.figure_tools import figure, label
 from tgospa_eval.show.style import COLOURS, MARKERS
 
 SIZE, ROUNDS = 10, (1, 2, 3, 5, 8, 12, 18, 25)

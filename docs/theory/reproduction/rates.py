@@ -8,7 +8,7 @@ from convergence import OWN, value
 from crossing import PLACE, STEPS, WAYS, Cloud, Floats, moments, position, scenes, truths
 from scipy.optimize import linear_sum_assignment
 
-from tgospa_eval.show.drawing import figure, label
+from tgospa_eval.show.figure_tools import figure, label
 from tgospa_eval.show.style import COLOURS, MARKERS
 
 KEPT = 100

@@ -8,7 +8,7 @@ import numpy as np
 from convergence import OWN, value
 from crossing import WAYS, Cloud, position, scenes
 
-from tgospa_eval.show.drawing import figure, label
+from tgospa_eval.show.figure_tools import figure, label
 from tgospa_eval.show.style import COLOURS, MARKERS
 
 SIZES = (50, 100, 200, 300, 400, 500, 600)

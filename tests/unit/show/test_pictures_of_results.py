@@ -25,7 +25,7 @@ from tgospa_eval.common.words import install
 from tgospa_eval.show import plane, plot_data
 from tgospa_eval.show import style as palette
 from tgospa_eval.show.charts import Pictures
-from tgospa_eval.show.drawing import literal, power, written
+from tgospa_eval.show.figure_tools import literal, power, written
 from tgospa_eval.show.files import result_pictures
 from tgospa_eval.show.overtime import draw_lanes
 from tgospa_eval.show.plot_data import binned
