@@ -310,7 +310,9 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     assert pair["standard_error"] == pytest.approx((5 - 7 / 3) / 2)
     assert pair["first_less"] == 2
     latex = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "latex").out
-    assert r"per step, RMS of 2 & TGOSPA & localisation & missed & false & switch \\" in latex
+    assert (
+        r"per step, RMS of 2 & place & TGOSPA & localisation & missed & false & switch \\" in latex
+    )
     assert rf"\textbf{{{(5 / 3) ** 0.5:.6g}}}" in latex
 
 

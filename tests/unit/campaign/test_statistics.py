@@ -433,7 +433,7 @@ def test_nothing_is_bold_that_is_not_proven_to_be_best() -> None:
 def test_hostile_labels() -> None:
     names = ["a|b", "50%_$x", "=1+1", "é\x1b[31m"]
     tables = tabulated(table({name: A + k for k, name in enumerate(names)}), ["tracker"])
-    texts = {name: batch_report(tables, name) for name in REPORTS}
+    texts = {name: batch_report(tables, name) for name in REPORTS if name != "methods"}
     assert r"50\%\_\$x" in texts["latex"]
     assert r"a\|b" in texts["markdown"]
     assert "'=1+1" in texts["csv"]
