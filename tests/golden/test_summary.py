@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Answer
 
-from tests.support.answer import Answer
 from tgospa_eval import Result, evaluate
 
 Run = Callable[..., Answer]
