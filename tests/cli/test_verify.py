@@ -360,7 +360,7 @@ PARAMETERS = {
 NEITHER = {
     *("unit", "solver", "gap", "epsilon", "time_limit", "no_gating"),  # the claim is the same
     *("step_weights", "existence", "max_speed"),  # --proof refuses them
-    *("pairwise", "tracked_shares"),  # of another verb; of the summary
+    "pairwise",  # of another verb
 }
 
 

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from answer import Answer
 
-from tgospa_eval import Result, evaluate
+from tgospa_eval import Result, Trajectories, evaluate
+from tgospa_eval.results.summary import flat
 
 Run = Callable[..., Answer]
 
@@ -161,7 +162,13 @@ def test_siap_is_that_of_stone_soup(seed: int) -> None:
     from stonesoup.types.time import TimeRange
     from stonesoup.types.track import Track
 
-    truth, estimate, result = judged(seed)
+    rng = np.random.default_rng(seed)
+    truth, estimate = (
+        np.concatenate([states, rng.normal(0, 0.3, states.shape)], axis=2) for states in scene(seed)
+    )
+    columns = ("x", "y", "vx", "vy")
+    sides = (Trajectories.from_array(states, columns) for states in (truth, estimate))
+    result = evaluate(*sides, cutoff=5, switch_penalty=1.5)
 
     def at(step: int) -> datetime.datetime:
         return datetime.datetime(2020, 1, 1) + datetime.timedelta(seconds=int(step))
@@ -184,8 +191,9 @@ def test_siap_is_that_of_stone_soup(seed: int) -> None:
         for run in np.split(steps, np.flatnonzero(np.diff(steps) != 1) + 1):
             pair = {truths[int(own)], tracks[int(other)]}
             associations.add(TimeRangeAssociation(pair, TimeRange(at(run[0]), at(run[-1]))))
-    measure = Euclidean((0, 1))
-    generator = soup.SIAPMetrics(position_measure=measure, velocity_measure=measure)
+    generator = soup.SIAPMetrics(
+        position_measure=Euclidean((0, 1)), velocity_measure=Euclidean((2, 3))
+    )
     manager = MultiManager([generator])
     manager.add_data({"groundtruth_paths": set(truths), "tracks": set(tracks)})
     manager.association_set = AssociationSet(associations)
@@ -195,6 +203,7 @@ def test_siap_is_that_of_stone_soup(seed: int) -> None:
         "ambiguity": "Ambiguity",
         "spuriousness": "Spuriousness",
         "positional_accuracy": "Position Accuracy",
+        "velocity_accuracy": "Velocity Accuracy",
         "track_number_change_rate": "Rate of Track Number Change",
         "longest_track_segment": "Longest Track Segment",
     }
@@ -327,3 +336,33 @@ def test_thresholds_are_options() -> None:
     assert summary["tracked_shares"] == [0.5, 0.99]
     with pytest.raises(Exception, match="tracked_shares is"):
         evaluate(truth, estimate, tracked_shares="0.9:0.1")
+
+
+def test_states_are_read_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same numbers, second differences across the ends of pieces included."""
+    truth, estimate, whole = judged(5)
+    monkeypatch.setattr("tgospa_eval.evaluation.summary.PAIRS_TOGETHER", 7)
+    pieces = evaluate(truth, estimate, cutoff=5, switch_penalty=1.5)
+    assert dict(flat(pieces.summary)) == pytest.approx(dict(flat(whole.summary)), rel=1e-12)
+
+
+def test_mixed_assignments_count_by_their_weights() -> None:
+    rng = np.random.default_rng(4)
+    truth = np.abs(rng.uniform(0, 15, (1, 25, 2)) + rng.normal(0, 1, (12, 25, 2)).cumsum(0)) % 15
+    estimate = truth + rng.normal(0, 2, truth.shape)
+    result = evaluate(truth, estimate, 5.0, 2, 2.0)
+    pairs, summary = result.assignments, result.summary
+    assert (pairs["weight"] < 1).any()
+    total = pairs["weight"].sum()
+    assert summary["detection_rate"] == pytest.approx(total / 300)
+    by_pair = pairs.groupby(["truth", "estimate"])["weight"].sum()
+    for name, side, size in (("purity", "estimate", total), ("completeness", "truth", 300)):
+        assert summary[name] == pytest.approx(by_pair.groupby(side).max().sum() / size)
+    order = np.argsort(pairs["distance"].to_numpy(), kind="stable")
+    up_to = pairs["weight"].to_numpy()[order].cumsum()
+    median = pairs["distance"].to_numpy()[order][np.searchsorted(up_to, total / 2)]
+    assert summary["median_error"] == median
+    held = pairs.groupby(["truth", "t"])["weight"].sum() > 0.5 - 1e-9
+    flags = held.unstack(fill_value=False).reindex(columns=range(12), fill_value=False)
+    runs = ("".join("x" if flag else " " for flag in row).split() for row in flags.to_numpy())
+    assert summary["fragments"] == sum(max(len(run) - 1, 0) for run in runs)

@@ -105,7 +105,6 @@ class _Existence(TypedDict, total=False):
     gap: float
     epsilon: float
     time_limit: float | None
-    tracked_shares: str | tuple[float, float]
 
 
 class _Distance(TypedDict, total=False):
@@ -173,6 +172,7 @@ class _By(TypedDict, total=False):
     window: str | int | None
     every: str | int | None
     similarity: float | None
+    tracked_shares: str
 
 
 class _Preprocess(TypedDict, total=False):

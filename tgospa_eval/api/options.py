@@ -590,12 +590,11 @@ class Request(Values):
         "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets at "
         "each step score 0.1.",
     )
-    tracked_shares: str | tuple[float, float] = _output(
+    tracked_shares: str = _beside(
         "--tracked-shares LOST:TRACKED",
         "Count an object as mostly tracked in the summary if at least the share TRACKED of its "
         "states is followed, and as mostly lost below LOST.",
         default="0.2:0.8",
-        sensors=False,
     )
     explain: bool = _beside(
         "--explain",

@@ -5,9 +5,10 @@ counts by its weight, which is 1 but for mixed assignments; an object is followe
 the weights of its pairs sum to one half or more.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,12 +17,16 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.evaluation.axis import TURN, apart
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.solution import judged_rows, read_assigned
+from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.states import ONE, assigned
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import ComparedSides, Json, PairProof
 from tgospa_eval.results.summary import Summary, finite, mean, ratio, root
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
+
+Sums: TypeAlias = Mapping[str, Any]
+"""Numbers and arrays that add up, by name."""
 
 HALF = 0.5 - 1e-9
 """Weight from which an object is followed."""
@@ -30,6 +35,9 @@ ALIKE = 1e-6
 """Relative difference up to which two spans of time are equal."""
 
 VELOCITY = ("vx", "vy", "vz")
+
+PAIRS_TOGETHER = 1 << 16
+"""Pairs whose states are looked at together."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,15 +48,12 @@ class SideRows:
     ----------
     track, step : (R,) int arrays
         Whose, and when.
-    time : (R,) float array
-        The same in the unit of the stamps, of dates in seconds.
     tracks : int
         How many tracks there are, those without a row included.
     """
 
     track: Ints
     step: Ints
-    time: Floats
     tracks: int
 
     @cached_property
@@ -65,134 +70,106 @@ class SideRows:
         """How many of the chosen rows each track has."""
         return np.bincount(self.track[chosen], minlength=self.tracks)
 
+    @classmethod
+    def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
+        """Tracks of all, numbered on, and how many rows come before those of each."""
+        tracks, sizes = (
+            np.cumsum([0, *counts])
+            for counts in ([one.tracks for one in several], [len(one.track) for one in several])
+        )
+        track = [one.track + k for one, k in zip(several, tracks[:-1], strict=True)]
+        step = [one.step for one in several]
+        rows = cls(track=np.concatenate(track), step=np.concatenate(step), tracks=int(tracks[-1]))
+        return rows, sizes[:-1]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Evaluations on the same steps as the summary reads them; tracks are numbered on.
+    """Evaluations on the same steps as the summary reads them.
 
     Parameters
     ----------
     truth, estimate : SideRows
         States of either side.
+    moments : (T,) float array
+        Times of the steps since the first, in the unit of the stamps, of dates in seconds.
     at, to : (N,) int arrays
-        Their rows, of each assigned pair, by truth and time.
+        Rows of truth and estimate of each assigned pair, by truth and time.
     weight, error : (N,) float arrays
         How much of the pair is assigned, and the base distance.
-    difference : (N, q) float array
-        Estimate less truth by axis; those of the place are the first.
-    velocity : (N, k) float array
-        Of the place of the truth, NaN where it is not known.
-    velocity_error : (N,) float array
-        Length of the difference of the velocities of the states, NaN where they have none.
-    bends : (M, 2) float array
-        Squared second differences of estimate and truth, where one pair goes on for three steps
-        that are equally far apart.
-    axes : tuple of str
-        Names of the q axes.
+    axes : Axes
+        Of the states.
+    sums : dict of str to float or array
+        Sums over the pairs, as of `Axes.sums`.
     """
 
     truth: SideRows
     estimate: SideRows
+    moments: Floats
     at: Ints
     to: Ints
     weight: Floats
     error: Floats
-    difference: Floats
-    velocity: Floats
-    velocity_error: Floats
-    bends: Floats
-    axes: tuple[str, ...]
+    axes: "Axes"
+    sums: Sums
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # of states that nobody has
     def of(cls, proof: PairProof) -> "Tracked":
         """Read one evaluation."""
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
-        pairs = read_assigned(proof.states, proof.weights)
-        rows = problem.truth_row[pairs.entry], problem.estimate_row[pairs.entry]
-        states = compared.truth[rows[0]], compared.estimate[rows[1]]
-        if compared.held is not None:  # on a common clock a report is judged at its own time
-            names = np.array(compared.labels.truths, dtype=object)
-            located = compared.held.located(names[problem.sides[0].track[rows[0]]], rows[1])
-            states = located[0].state, located[1].state
         judged: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
             judged = judged_rows(proof.states, proof.weights)
-        is_date = isinstance(next(iter(compared.labels.times), 0), str)
-        moments = (compared.moments - compared.moments[:1]) / (SECOND if is_date else 1)
-        sides, ordered, placed = [], [], []
-        for side, mask, own in zip(problem.sides, judged, rows, strict=True):
-            chosen = np.arange(len(side.step))[mask]
-            chosen = chosen[np.lexsort((side.step[chosen], side.track[chosen]))]
-            place = np.full(len(side.step), -1)
-            place[chosen] = np.arange(len(chosen))
+        sides, rows, places = [], [], []
+        for side, mask in zip(problem.sides, judged, strict=True):
+            chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
+            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # they are by step
+            place = np.full(len(side.step), -1, side.step.dtype)
+            place[chosen] = np.arange(len(chosen), dtype=place.dtype)
             step = side.step[chosen]
-            sides.append(
-                SideRows(track=side.track[chosen], step=step, time=moments[step], tracks=side.count)
-            )
-            ordered.append(chosen)
-            placed.append(place[own])
-        at, to = placed
+            sides.append(SideRows(track=side.track[chosen], step=step, tracks=side.count))
+            rows.append(chosen)
+            places.append(place)
+        _, entry, used = assigned(proof.states, proof.weights)
+        at, to = places[0][problem.truth_row[entry]], places[1][problem.estimate_row[entry]]
         kept = np.flatnonzero((at >= 0) & (to >= 0))
         kept = kept[np.lexsort((to[kept], at[kept]))]
-        at, to = at[kept], to[kept]
-        pair = states[0][kept], states[1][kept]
+        at, to, entry = at[kept], to[kept], entry[kept]
+        is_date = isinstance(next(iter(compared.labels.times), 0), str)
+        moments = (compared.moments - compared.moments[:1]) / (SECOND if is_date else 1)
+        weight = used[kept] / ONE
         axes = Axes(compared)
-        bends = np.zeros((0, 2))
-        if compared.held is None:  # a report that holds for several steps does not move
-            bends = axes.bends(sides[0], at, sides[1].track[to], pair)
         return cls(
             truth=sides[0],
             estimate=sides[1],
+            moments=moments,
             at=at,
             to=to,
-            weight=pairs.weight[kept],
-            error=proof.parameters.cutoff * problem.powers(pairs.entry[kept]) ** (1 / order),
-            difference=axes.between(*pair),
-            velocity=axes.velocity(compared.truth[ordered[0]], sides[0])[at],
-            velocity_error=axes.velocity_errors(*pair),
-            bends=bends,
-            axes=axes.names,
+            weight=weight,
+            error=proof.parameters.cutoff * problem.powers(entry) ** (1 / order),
+            axes=axes,
+            sums=axes.sums(compared, sides, rows, moments, (at, to, weight)),
         )
 
     @classmethod
     def joined(cls, several: "Sequence[Tracked]") -> "Tracked":
-        """Several evaluations on the same steps as one."""
-        if len(several) == 1:
-            return several[0]
-
-        def joined(name: str) -> tuple[SideRows, Ints]:
-            """The rows of one side, and how many rows come before those of each evaluation."""
-            each: list[SideRows] = [getattr(one, name) for one in several]
-            tracks = np.cumsum([0, *(rows.tracks for rows in each)])
-            made = SideRows(
-                track=np.concatenate(
-                    [rows.track + k for rows, k in zip(each, tracks[:-1], strict=True)]
-                ),
-                step=np.concatenate([rows.step for rows in each]),
-                time=np.concatenate([rows.time for rows in each]),
-                tracks=int(tracks[-1]),
-            )
-            return made, np.cumsum([0, *(len(rows.track) for rows in each)])[:-1]
-
-        def together(name: str, shift: Ints | None = None) -> Any:
-            columns = [getattr(one, name) for one in several]
-            shifts = shift if shift is not None else np.zeros(len(several), np.int64)
-            return np.concatenate([column + k for column, k in zip(columns, shifts, strict=True)])
-
-        (truth, before), (estimate, before_estimate) = joined("truth"), joined("estimate")
+        """Several evaluations on the same steps as one; tracks are numbered on."""
+        truth, before_truth = SideRows.joined([one.truth for one in several])
+        estimate, before_estimate = SideRows.joined([one.estimate for one in several])
+        at = [one.at + k for one, k in zip(several, before_truth, strict=True)]
+        to = [one.to + k for one, k in zip(several, before_estimate, strict=True)]
+        first = several[0]
         return cls(
             truth=truth,
             estimate=estimate,
-            at=together("at", before),
-            to=together("to", before_estimate),
-            weight=together("weight"),
-            error=together("error"),
-            difference=together("difference"),
-            velocity=together("velocity"),
-            velocity_error=together("velocity_error"),
-            bends=together("bends"),
-            axes=several[0].axes,
+            moments=first.moments,
+            at=np.concatenate(at),
+            to=np.concatenate(to),
+            weight=np.concatenate([one.weight for one in several]),
+            error=np.concatenate([one.error for one in several]),
+            axes=first.axes,
+            sums={name: sum(one.sums[name] for one in several) for name in first.sums},
         )
 
 
@@ -231,36 +208,91 @@ class Axes:
             difference[:, 0] *= np.cos(np.radians(latitude))
         return difference
 
-    def velocity_errors(self, first: Floats, second: Floats) -> Floats:
-        """Lengths of differences of velocities (N,), NaN where the states have none."""
-        if not self.speeds:
-            return np.full(len(first), np.nan)
-        return np.asarray(np.linalg.norm((second - first)[:, self.speeds], axis=1))
+    def sums(
+        self,
+        compared: ComparedSides,
+        sides: Sequence[SideRows],
+        rows: Sequence[Ints],
+        moments: Floats,
+        pairs: tuple[Ints, Ints, Floats],
+    ) -> Sums:
+        """Sums over assigned pairs, some at a time: their states are not in memory together.
 
-    def velocity(self, states: Floats, rows: SideRows) -> Floats:
-        """Of the place of each row (R, k): that of the state, or from its neighbours in time."""
+        Parameters
+        ----------
+        compared : ComparedSides
+            States.
+        sides : pair of SideRows
+            Truth and estimate.
+        rows : pair of (R,) int arrays
+            Where the rows of these are among the states.
+        moments : (T,) float array
+            Times of the steps.
+        pairs : tuple of (N,) arrays
+            Rows of truth and estimate of each, by truth and time, and its weight.
+        """
+        at, to, weight = pairs
+        truth, places = sides[0], self.places
+        sums: dict[str, Any] = {"axes": np.zeros(len(self.names)), "bends": np.zeros(2)}
+        sums |= dict.fromkeys(SUMMED, 0.0)
+        for begin in range(0, len(at), PAIRS_TOGETHER):
+            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # two more, for second differences
+            row, report = at[own], rows[1][to[own]]
+            states = compared.truth[rows[0][row]], compared.estimate[report]
+            if compared.held is not None:  # on a common clock a report is judged at its own time
+                names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
+                located = compared.held.located(names, report)
+                states = located[0].state, located[1].state
+            else:  # a report that holds for several steps does not move
+                time, who = moments[truth.step[row]], sides[1].track[to[own]]
+                on = (np.diff(row) == 1) & (np.diff(who) == 0) & ~truth.first[row[1:]]
+                span = np.diff(time)
+                alike = np.abs(np.diff(span)) <= ALIKE * np.abs(span[1:])
+                start = np.flatnonzero(on[:-1] & on[1:] & alike)
+                steps = [self.between(s[:-1], s[1:])[:, :places] for s in states[::-1]]
+                bends = (step[start + 1] - step[start] for step in steps)
+                sums["bends"] += [float((bend * bend).sum()) for bend in bends]
+                sums["bent"] += len(start)
+            row, weights = row[:PAIRS_TOGETHER], weight[own][:PAIRS_TOGETHER]
+            first, second = (side[:PAIRS_TOGETHER] for side in states)
+            difference = self.between(first, second)
+            sums["axes"] += weights @ difference**2
+            place = difference[:, :places]
+            squares = (place * place).sum(axis=1)
+            sums["places"] += float(np.sqrt(squares).sum())
+            sums["velocities"] += float(
+                np.linalg.norm((second - first)[:, self.speeds], axis=1).sum()
+            )
+            velocity = self._velocity(compared.truth, rows[0], truth, moments, row)
+            speeds = (velocity * velocity).sum(axis=1)
+            known = speeds > 0
+            w, way = weights[known], (place[known] * velocity[known]).sum(axis=1)
+            sums["moving"] += float(w.sum())
+            sums["along"] += float(w @ (way * way / speeds[known]))
+            sums["way"] += float(w @ way)
+            sums["speeds"] += float(w @ speeds[known])
+            sums["squares"] += float(w @ squares[known])
+        return sums
+
+    def _velocity(
+        self, states: Floats, rows: Ints, truth: SideRows, moments: Floats, at: Ints
+    ) -> Floats:
+        """Velocities of some rows of the truth (N, k), NaN where they are not known.
+
+        Those of the states, or else from the neighbours in time.
+        """
         if not self.on_earth and len(self.speeds) == self.places:
-            return states[:, self.speeds]
-        number = np.arange(len(states))
-        before, after = number - ~rows.first, number + ~rows.last
-        span = rows.time[after] - rows.time[before]
-        way = self.between(states[before], states[after])[:, : self.places]
+            return states[rows[at]][:, self.speeds]
+        before, after = at - ~truth.first[at], at + ~truth.last[at]
+        span = moments[truth.step[after]] - moments[truth.step[before]]
+        way = self.between(states[rows[before]], states[rows[after]])[:, : self.places]
         velocity = np.full(way.shape, np.nan)
         velocity[span > 0] = way[span > 0] / span[span > 0, None]
         return velocity
 
-    def bends(self, rows: SideRows, at: Ints, track: Ints, pair: tuple[Floats, Floats]) -> Floats:
-        """Squared second differences of estimate and truth, (M, 2), as of `Tracked`."""
-        on = (np.diff(at) == 1) & (np.diff(track) == 0) & (np.diff(rows.track[at]) == 0)
-        span = np.diff(rows.time[at])
-        alike = np.abs(np.diff(span)) <= ALIKE * np.abs(span[1:])
-        start = np.flatnonzero(on[:-1] & on[1:] & alike)
-        found = []
-        for states in pair[::-1]:
-            steps = self.between(states[:-1], states[1:])[:, : self.places]
-            bend = steps[start + 1] - steps[start]
-            found.append((bend * bend).sum(axis=1))
-        return np.stack(found, axis=1)
+
+SUMMED = ("bent", "places", "velocities", "moving", "along", "way", "speeds", "squares")
+"""Sums of `Axes.sums` that are numbers."""
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
@@ -275,13 +307,10 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
     )
     share = followed[0] / states[0]
     there = states[0] > 0
-    # Of each pair of tracks how long it is assigned.
-    order = np.lexsort((who, whose))
-    opens = np.flatnonzero(np.diff(whose[order], prepend=-1) | np.diff(who[order], prepend=-1))
-    both = np.add.reduceat(weight[order], opens) if len(opens) else np.zeros(0)
     main = [np.zeros(rows.tracks) for rows in (truth, estimate)]
-    np.maximum.at(main[0], whose[order[opens]], both)
-    np.maximum.at(main[1], who[order[opens]], both)
+    *pair, together = _grouped(whose, who, weight)
+    for most, track in zip(main, pair, strict=True):
+        np.maximum.at(most, track, together)
     stretches = _stretches(tracked)
     false = (states[1] > 0) & (followed[1] == 0)
     steps = int(max(truth.step.max(initial=-1), estimate.step.max(initial=-1))) + 1
@@ -312,7 +341,7 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
         "cardinality_error": ratio(float(surplus.sum()), horizon),
         "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
         "cardinality_rms": root(ratio(float((surplus**2).sum()), horizon)),
-        "smoothness": _smoothness(tracked),
+        "smoothness": _smoothness(tracked.sums),
         "siap": _siap(tracked),
     }
     per_truth = {
@@ -348,10 +377,11 @@ class _Stretches:
 def _stretches(tracked: Tracked) -> _Stretches:
     """Where truths are followed, and by whom: by the estimate with the largest weight."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
+    time = tracked.moments[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
     who = np.full(size, -1)
-    last = np.lexsort((tracked.weight, at))  # the last one of a row stays
-    who[at[last]] = tracked.estimate.track[tracked.to[last]]
+    last = slice(None) if (np.diff(at) > 0).all() else np.lexsort((tracked.weight, at))
+    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # of a row the last one stays
     goes_on = np.zeros(size, bool)
     goes_on[1:] = is_followed[1:] & is_followed[:-1] & ~truth.first[1:]
     begins = is_followed & ~goes_on
@@ -361,85 +391,81 @@ def _stretches(tracked: Tracked) -> _Stretches:
     np.maximum.at(longest, truth.track[begins], np.bincount(run, minlength=int(begins.sum())))
     delay = np.full(truth.tracks, np.nan)
     first = np.flatnonzero(begins)[::-1]  # the earliest is written last
-    delay[truth.track[first]] = truth.time[first]
+    delay[truth.track[first]] = time[first]
     start = np.zeros(truth.tracks)
-    start[truth.track[truth.first]] = truth.time[truth.first]
+    start[truth.track[truth.first]] = time[truth.first]
     same = goes_on.copy()
     same[1:] &= who[1:] == who[:-1]
     ends = is_followed & ~np.append(same[1:], False)[:size]
     held = is_followed & ~truth.last
-    following = np.append(truth.time[1:], 0.0)[:size]
+    following = np.append(time[1:], 0.0)[:size]
     return _Stretches(
         fragments=np.maximum(count - 1, 0),
         longest=longest,
         delay=delay - start,
         breaks=int(np.count_nonzero(ends & ~truth.last)),
-        time=float((following - truth.time)[held].sum()),
+        time=float((following - time)[held].sum()),
     )
 
 
+def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
+    """Pairs of tracks, and the sums of the weights of each; pairs are by truth and time."""
+    for _ in range(2):  # first of neighbours, which leaves few to sort
+        opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
+        sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
+        whose, who = whose[opens], who[opens]
+        order = np.lexsort((who, whose))
+        whose, who, weight = whose[order], who[order], sums[order]
+    return whose, who, weight
+
+
 def _errors(tracked: Tracked) -> Json:
-    """Errors of assigned states: of the base distance, by axis, along and across the track."""
-    weight, error = tracked.weight, tracked.error
-    total = float(weight.sum())
-    if not total:
-        names = ("rmse", "mean_error", "median_error", "p95_error", "rmse_by_axis")
-        return dict.fromkeys((*names, "rmse_along_track", "rmse_across_track", "latency"))
-    order = np.argsort(error, kind="stable")
-    sums = np.cumsum(weight[order])
-    quantile = [
-        float(error[order[min(int(np.searchsorted(sums, q * total)), len(order) - 1)]])
-        for q in (0.5, 0.95)
-    ]
-    by_axis = rms(weight, tracked.difference).tolist()
-    return {
-        "rmse": float(rms(weight, error[:, None])[0]),
-        "mean_error": float(weight @ error / total),
-        "median_error": quantile[0],
-        "p95_error": quantile[1],
-        "rmse_by_axis": dict(zip(tracked.axes, by_axis, strict=True)),
-        **_along(tracked),
-    }
-
-
-def rms(weight: Floats, values: Floats) -> Floats:
-    """Root mean squares of columns (N, q), whose squares may overflow."""
-    scale = np.maximum(np.abs(values).max(axis=0, initial=0.0), np.finfo(float).tiny)
-    return np.asarray(scale * np.sqrt(weight @ (values / scale) ** 2 / weight.sum()))
-
-
-def _along(tracked: Tracked) -> Json:
-    """Errors along and across the way of the truth, and the shift in time that fits best.
+    """Errors of assigned states: of the base distance, by axis, along and across the track.
 
     An estimate that is late by L is L v behind a truth of velocity v: the latency is the L that
     makes the sum of squares of ``e + L v`` least, and its gain the share of the sum of squares of
     the errors e that goes by it.
     """
-    speed = np.linalg.norm(tracked.velocity, axis=1)
-    known = np.flatnonzero(speed > 0)
-    weight, velocity = tracked.weight[known], tracked.velocity[known]
-    place = tracked.difference[known, : velocity.shape[1]]
-    total, way = float(weight.sum()), (place * velocity).sum(axis=1)
+    weight, error, sums = tracked.weight, tracked.error, tracked.sums
+    total = float(weight.sum())
     if not total:
-        return dict.fromkeys(("rmse_along_track", "rmse_across_track", "latency"))
-    squares, along = (place * place).sum(axis=1), way / speed[known]
-    across = np.maximum(squares - along * along, 0.0)
-    moved, error = float(weight @ speed[known] ** 2), float(weight @ squares)
-    shift = -float(weight @ way) / moved
+        names = ("rmse", "mean_error", "median_error", "p95_error", "rmse_by_axis")
+        return dict.fromkeys((*names, "rmse_along_track", "rmse_across_track", "latency"))
+    shares = np.array([0.5, 0.95]) * total
+    if (weight == 1).all():
+        places = np.ceil(shares).astype(np.int64) - 1
+        median, most = np.partition(error, places)[places].tolist()
+    else:
+        order = np.argsort(error, kind="stable")
+        places = np.searchsorted(np.cumsum(weight[order]), shares).clip(max=len(order) - 1)
+        median, most = error[order[places]].tolist()
+    scale = max(float(error.max()), np.finfo(float).tiny)  # squares may overflow
+    moving, gain, latency = sums["moving"], 0.0, None
+    if moving:
+        shift = -sums["way"] / sums["speeds"]
+        if sums["squares"]:
+            gain = min(shift * shift * sums["speeds"] / sums["squares"], 1.0)
+        latency = {"shift": shift, "gain": gain}
+    across = max(sums["squares"] - sums["along"], 0.0)
     return {
-        "rmse_along_track": float(np.sqrt(weight @ along**2 / total)),
-        "rmse_across_track": float(np.sqrt(weight @ across / total))
-        if velocity.shape[1] > 1
-        else None,
-        "latency": {"shift": shift, "gain": shift * shift * moved / error if error else 0.0},
+        "rmse": scale * math.sqrt(float(weight @ (error / scale) ** 2) / total),
+        "mean_error": float(weight @ error / total),
+        "median_error": median,
+        "p95_error": most,
+        "rmse_by_axis": dict(
+            zip(tracked.axes.names, np.sqrt(sums["axes"] / total).tolist(), strict=True)
+        ),
+        "rmse_along_track": root(ratio(sums["along"], moving)),
+        "rmse_across_track": root(ratio(across, moving)) if tracked.axes.places > 1 else None,
+        "latency": latency,
     }
 
 
-def _smoothness(tracked: Tracked) -> Json | None:
+def _smoothness(sums: Sums) -> Json | None:
     """Root mean squares of second differences of estimates and truths; None if there are none."""
-    if not len(tracked.bends):
+    if not sums["bent"]:
         return None
-    estimate, truth = np.sqrt(tracked.bends.mean(axis=0)).tolist()
+    estimate, truth = np.sqrt(sums["bends"] / sums["bent"]).tolist()
     return {"estimate": estimate, "truth": truth}
 
 
@@ -450,15 +476,16 @@ def _siap(tracked: Tracked) -> Json:
     longest segment is the time of all of one estimate, as Stone Soup counts it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
+    time = tracked.moments[truth.step]
     who = estimate.track[to]
-    order = np.lexsort((at, who))
+    order = np.argsort(who, kind="stable")  # they are by time
     row, track = at[order], who[order]
     on = np.zeros(len(row), bool)
     on[1:] = (np.diff(row) == 1) & (np.diff(track) == 0) & ~truth.first[row[1:]]
     begin = np.flatnonzero(~on)
     end = np.append(begin, len(row))[1:] - 1
     first, last = row[begin], row[end]
-    spans = np.diff(truth.time, prepend=0.0)
+    spans = np.diff(time, prepend=0.0)
     whose = truth.track[row]
     pair = np.flatnonzero((np.diff(track, prepend=-1) != 0) | (np.diff(whose, prepend=-1) != 0))
     longest = np.zeros(truth.tracks)
@@ -466,21 +493,19 @@ def _siap(tracked: Tracked) -> Json:
         np.maximum.at(longest, whose[pair], np.add.reduceat(spans[row] * on, pair))
     held = np.zeros(len(truth.track), bool)
     held[row[on]] = True
-    lives = float((truth.time[truth.last] - truth.time[truth.first]).sum())
+    lives = float((time[truth.last] - time[truth.first]).sum())
     tracked_time = float(spans[held].sum())
     distinct = [int(np.count_nonzero(np.bincount(own))) for own in (at, to)]
     needed = _needed(first, last, truth)
     changes = int(np.maximum(needed - 1, 0).sum())
-    place = tracked.difference[:, : tracked.velocity.shape[1]]
-    error = np.linalg.norm(place, axis=1) if place.shape[1] > 1 else np.abs(place[:, 0])
     return {
         "completeness": ratio(distinct[0], len(truth.track)),
         "ambiguity": ratio(distinct[1], distinct[0]),
         "spuriousness": ratio(len(estimate.track) - distinct[1], len(estimate.track)),
-        "positional_accuracy": ratio(float(error.sum()), distinct[1]),
-        "velocity_accuracy": None
-        if np.isnan(tracked.velocity_error).any()
-        else ratio(float(tracked.velocity_error.sum()), distinct[1]),
+        "positional_accuracy": ratio(tracked.sums["places"], distinct[1]),
+        "velocity_accuracy": ratio(tracked.sums["velocities"], distinct[1])
+        if tracked.axes.speeds
+        else None,
         "track_number_change_rate": ratio(changes, tracked_time),
         "longest_track_segment": ratio(float(longest.sum()), lives),
     }

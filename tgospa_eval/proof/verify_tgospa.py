@@ -44,7 +44,7 @@ RECORDED = """cutoff order switch_penalty rho step_weights existence distance co
     on_invalid steps resample period outage decimal time class_ truth_class estimate_class region by
     where truth_where estimate_where day_begins preprocess unit solver gap epsilon time_limit
     fix_cov missing_cov mixed cloud_order inner inner_cov reduce reduce_method directions
-    iterations restarts polish seed no_gating pairwise tracked_shares vertical_weight truth_scale
+    iterations restarts polish seed no_gating pairwise vertical_weight truth_scale
     estimate_scale truth_crs estimate_crs origin truth_time_format estimate_time_format
     truth_time_zone estimate_time_zone max_speed"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}

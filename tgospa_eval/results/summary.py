@@ -74,13 +74,12 @@ class TrackedShares:
             )
 
     @classmethod
-    def parse(cls, value: object) -> "TrackedShares":
-        """Read ``"0.2:0.8"``, or a pair of numbers."""
-        parts = value.split(":") if isinstance(value, str) else value
+    def parse(cls, text: str) -> "TrackedShares":
+        """Read ``"0.2:0.8"``."""
         try:
-            lost, tracked = map(float, parts)  # type: ignore[call-overload]
-        except (TypeError, ValueError, OverflowError):
-            raise ConfigError(f"is {value}: must be two shares, as 0.2:0.8") from None
+            lost, tracked = map(float, text.split(":"))
+        except ValueError:
+            raise ConfigError(f"is {text}: must be two shares, as 0.2:0.8") from None
         return cls(lost=lost, tracked=tracked)
 
 
@@ -133,6 +132,7 @@ def percent(share: float | None) -> str:
     """A share in percent; what is not all is not 100 %, what is not nothing not 0 %."""
     if share is None:
         return "-"
+    share = round(share, 12)  # sums of weights have roundings
     for digits in range(1, 13):
         text = f"{100 * share:.{digits}f}"
         if 0 < float(text) < 100 or share in (0, 1):

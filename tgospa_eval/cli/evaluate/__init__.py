@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import click
 
-from tgospa_eval.api.options import FITTING, Request
+from tgospa_eval.api.options import DEFAULTS, FITTING, Request
 from tgospa_eval.cli.shared.click_builder import (
     EVALUATION,
     IN_PARTS_OPTIONS,
@@ -70,7 +70,10 @@ class Files(Verb):
             "switches with times and costs, for programs with maps. Of places on the Earth.",
             section="Output",
         ),
-        *(OPTIONS[key] for key in ("curve", "window", "every", "similarity", "explain")),
+        *(
+            OPTIONS[key]
+            for key in ("curve", "window", "every", "similarity", "tracked-shares", "explain")
+        ),
     ],
 )
 @click.argument("truth", type=SOURCE)
@@ -159,6 +162,8 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
         raise click.UsageError("--with is for one evaluation, not for --sweep")
     if chosen.similarity is not None and sweep:
         raise click.UsageError("--similarity is of the mean over steps, not for --sweep")
+    if chosen.tracked_shares != DEFAULTS["tracked_shares"] and sweep:
+        raise click.UsageError("--tracked-shares is for one evaluation, not for --sweep")
     if chosen.explain and (sweep or chosen.by or chosen.preprocess):
         raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
 
