@@ -28,7 +28,8 @@ GRIDS = {
 
 def methods(result: Evaluation) -> str:
     """One paragraph."""
-    parts = _metric(result), _data(result), _value(result), _origin(result)
+    left_out = [result.not_judged.capitalize()] if result.not_judged else []
+    parts = _metric(result), _data(result), *left_out, _value(result), _origin(result)
     return visible(f"{'. '.join(parts)}.") + "\n"
 
 
@@ -44,8 +45,8 @@ def _metric(result: Evaluation) -> str:
     return (
         "The estimate was compared with the ground truth by the trajectory generalised optimal "
         f"sub-pattern assignment (TGOSPA) metric {_cited(METRIC)}{family * bool(members)}, with "
-        f"{result.parameters_in_words(result.labels.unit)}, and the base distance "
-        f"{settings['distance']} of the states ({columns})"
+        f"{result.parameters_in_words(result.labels.unit)}, and the "
+        f"{settings['distance']} distance of the states ({columns})"
         + ", of each class by itself, and the costs added"
         * (settings.get("by") == "class")
     )
@@ -65,16 +66,11 @@ def _data(result: Evaluation) -> str:
 
 
 def _value(result: Evaluation) -> str:
-    low, high = f"{result.lower_bound:.12g}", f"{result.upper_bound:.12g}"
-    unit = f" {result.labels.unit}" if result.labels.unit else ""
     costs = ", ".join(
         f"{name} {number(getattr(result, name), 6)}"
         for name in ("localisation", "missed", "false", "switch")
     )
-    return (
-        f"{result.claim} ({result.proven}; the proven bounds are {low}{unit} and {high}{unit}), "
-        f"of which the costs to the power p are {costs}"
-    )
+    return f"{result.claim} ({result.proven}), of which the costs to the power p are {costs}"
 
 
 def _origin(result: Evaluation) -> str:

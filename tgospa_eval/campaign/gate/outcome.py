@@ -342,8 +342,11 @@ def _sentences(finding: Finding) -> Iterator[str]:
 def _absent(finding: Finding) -> str:
     """Why there is nothing to judge."""
     path = finding.rule.path
-    if names_summary(path) and not math.isnan(finding.now.upper):
-        return f"the baseline has no {path}; make it anew with {option('update_baseline')}"
+    if names_summary(path):
+        return (
+            f"the result or the baseline has no {path}: it is not defined there, or the baseline "
+            f"is older than the summary; make it anew with {option('update_baseline')}"
+        )
     if path not in OF_NEES:
         return f"the result has no {path}, nor has a baseline"
     if not math.isnan(finding.now.upper):
