@@ -820,4 +820,5 @@ def test_a_section_of_the_help_by_its_name(invoke: Run) -> None:
     assert "--columns" not in out
     assert invoke("evaluate", "--help-all").out == invoke("help", "evaluate").out
     assert "evaluate has no section zzz; there are metric," in invoke("help", "evaluate", "zzz").err
+    assert "no verb zzz; there are evaluate, inspect," in invoke("help", "zzz", "metric").err
     assert "--runs" in invoke("help", "compare", "scaling", "study").out

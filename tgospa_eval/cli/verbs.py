@@ -81,7 +81,10 @@ class Verbs(click.Group):
         """
         if args[:1] == ["help"]:
             verb, section = args[1:2], args[2:]
-            if section and verb[0] in VERBS:
+            if verb and verb[0] not in VERBS:
+                _check_word(ctx, verb[0])
+                raise click.UsageError(f"no verb {verb[0]}; there are {', '.join(VERBS)}", ctx)
+            if section:
                 ctx.meta[SECTION] = " ".join(section)
                 args = args[:2]
             args = [*args[1:], "--help"]

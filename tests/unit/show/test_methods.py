@@ -37,7 +37,7 @@ def test_a_paragraph_says_what_was_computed() -> None:
         ({"step_weights": dict.fromkeys(range(60), 2.0)}, "[@garciafernandez2021timeweighted]"),
         ({"grid": "truth"}, "steps of the ground truth, t"),
         ({"steps": "0:9"}, "10 steps of a clock that was chosen, t = "),
-        ({"distance": "manhattan"}, "distance manhattan of the states (x, y)"),
+        ({"distance": "manhattan"}, "the manhattan distance of the states (x, y)"),
     ],
 )
 def test_what_was_chosen_is_said(options: dict[str, Any], part: str) -> None:
