@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -24,7 +25,7 @@ from tgospa_eval.formats.objects import read_object
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.states import States
+from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 Invoke = Callable[..., Answer]
@@ -325,3 +326,59 @@ def test_what_the_picture_shows() -> None:
     first, second = (pictures("sweep", found) for _ in range(2))
     assert first == second
     assert first["sweep.png"].startswith(b"\x89PNG")
+
+
+@given(
+    pairs_of_sets(most=4),
+    st.sampled_from(["cutoff", "switch_penalty"]),
+    ORDERS,
+    st.tuples(st.floats(0.3, 3), st.floats(0.01, 2), st.floats(0.05, 0.95)),
+)
+@settings(max_examples=40)
+def test_prices_between_neighbours_prove_the_chord(
+    sides: tuple[np.ndarray, np.ndarray], name: str, order: float, at: tuple[float, float, float]
+) -> None:
+    low, width, share = at
+    values = low, low + share * width, low + width
+    others = {"cutoff": 1.2, "order": order, "switch_penalty": 0.4}
+    a, m, b = (Parameters(**(others | {name: value})) for value in values)
+    both, pairs = measured(*sides, max(a.cutoff, b.cutoff))
+    states = [sensitivity.merge_runs(both.problem(pairs, p)) for p in (a, m, b)]
+    (kept_a, lower_a), (kept_b, lower_b) = solved(states[0]), solved(states[2])
+    shares = sensitivity._shares(a, m, b, name)
+    warm_start = make_warm_start(states[1], (kept_a, kept_b), shares)
+    solution = Certified(jobs=1)(states[1], Stopwatch())
+    solution = replace(solution, prices=warm_start.prices)
+    proven = certify(states[1], solution)[0]
+    # shares are of costs in units of the c^p of the middle
+    alone = 1e-9
+    assert proven.lower >= shares[0] * lower_a + shares[1] * lower_b - alone
+    for weights in warm_start.weights:
+        assert (
+            certify(states[1], replace(solution, weights=weights))[0].upper >= proven.lower - alone
+        )
+
+
+def test_what_is_kept_gives_a_solution_back() -> None:
+    truth, estimate = scene(3, 6, 7, 20, side=10.0)
+    both, pairs = measured(truth, estimate, 5.0)
+    states = sensitivity.merge_runs(both.problem(pairs, Parameters(cutoff=5.0, switch_penalty=2.0)))
+    solution = Certified(jobs=1)(states, Stopwatch())
+    prices = solution.prices.copy()
+    _, weights, _ = certify(states, solution)
+    kept = save_solution(states, weights, prices)
+    again = make_warm_start(states, (kept,), (1.0,))
+    assert np.array_equal(again.weights[0], weights / ONE)
+    assert np.allclose(again.prices, prices, atol=1e-12)  # running sums lose the last digits
+
+
+def test_points_in_between() -> None:
+    order = list(sensitivity._bisected(6))
+    assert [k for k, _ in order][:2] == [0, 5]
+    assert sorted(k for k, _ in order) == list(range(6))
+    done = set()
+    for k, neighbours in order:
+        assert set(neighbours) <= done
+        assert not neighbours or neighbours[0] < k < neighbours[1]
+        done.add(k)
+    assert list(sensitivity._bisected(1)) == [(0, ())]
