@@ -53,7 +53,7 @@ def right() -> None:
     evaluate(truth, estimate, interpolate="estimate", max_gap=1.5, time_tolerance="20ms")
     evaluate(truth, estimate, resample=3, max_gap=(200.0, 10.0), period="7s", time_offset=-4.7)
     evaluate(truth, estimate, where="score >= 0.5", ignore=["marked"], ignore_regions=table)
-    evaluate(truth, estimate, preprocess="kitti:ignore", tracked_shares=(0.2, 0.8), unit="m")
+    evaluate(truth, estimate, preprocess="kitti:ignore", tracked_shares="0.2:0.8", unit="m")
     compare(truth, {"a": estimate, "b": truth}, cutoff=10.0, with_=["nees"])
     compare("gt.csv", ["a.csv", "b.csv"], 10.0, rho=0.5, estimate_format="csv")
     compare(truth, estimate, 10.0, solvers=["certified", Sinkhorn()])
