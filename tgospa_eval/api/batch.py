@@ -604,14 +604,15 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
     # Without --by nobody asked what there is to compare.
-    used = store.settings().get("settings_file")
+    settings = store.settings()
+    used = settings.get("settings_file")
     notes = (
         *data_warnings(rows),
         *(note for note in tables.notes if asked or note.startswith("warning: ")),
         *told,
         *([str(SettingsFile(**used))] if used else ()),
     )
-    return replace(tables, curves=tuple(curves), notes=notes)
+    return replace(tables, curves=tuple(curves), notes=notes, settings=settings)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -658,7 +659,7 @@ def batch_files(
             return ""
         return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
 
-    tables = replace(tables, settings=store.settings(), link=link)
+    tables = replace(tables, link=link)
     notify("report.html", 0.0)
     files: dict[str, str | bytes] = {"report.html": batch_page(tables, draws=wanted is not None)}
     if tables.curves:

@@ -36,7 +36,7 @@ from tgospa_eval.campaign.statistics import (
     permutations_of,
     without_each,
 )
-from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
@@ -65,6 +65,7 @@ from tgospa_eval.results.records import (
     outward,
 )
 from tgospa_eval.results.saved import of_metric
+from tgospa_eval.results.summary import SUMMARY, flat, pooled
 from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.rendering import RULES, Rule
 from tgospa_eval.show.result_text import COMPARED
@@ -215,6 +216,8 @@ class RunOutcome:
         Parts of the cost of localisation, where the distance has any.
     nees : NeesSums, optional
         Whether covariances say how large errors are.
+    summary : mapping of str to float
+        Numbers of the summary by names with dots.
     """
 
     path: str
@@ -227,6 +230,7 @@ class RunOutcome:
     against: Json | None = None
     split: Mapping[str, float] = field(default_factory=dict)
     nees: NeesSums | None = None
+    summary: Mapping[str, float] = field(default_factory=dict)
 
 
 Entrants = Mapping[str, Sequence[RunOutcome]]
@@ -249,6 +253,7 @@ def outcome(path: str, result: PairEvaluation, moments: Times, *, per_step: bool
         against=record,
         split=result.split_parts,
         nees=result.nees,
+        summary=dict(flat(result.summarised.numbers)),
     )
 
 
@@ -298,6 +303,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
                 judged=document["judged"],
                 split={name: document[name] for name in SPLIT_PARTS if name in document},
                 nees=NeesSums.of_values(document),
+                summary=dict(flat(document.get(SUMMARY, {}))),
             )
         )
     return found
@@ -416,7 +422,10 @@ def ranking_document(
     }
     shares = 1 / np.array(steps, float)
     lower, upper = costs["total_lower"] * shares, costs["total"] * shares
-    normal = _combined((costs["total_lower"], costs["total"]), 1.0, sum(steps))
+    normal, roots = (
+        _combined((costs["total_lower"], costs["total"]), power, sum(steps))
+        for power in (1.0, order)
+    )
     ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
     digests = [
         [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
@@ -424,6 +433,9 @@ def ranking_document(
     equal = _same(names, digests, costs["total_lower"], costs["total"])
 
     verdicts, place = _proven(normal, equal)
+    truth_ids = [item.run["input"]["truth"]["sha256"] for item in entrants[names[0]]]
+    totals = _per_truth((costs["total_lower"][ranked], costs["total"][ranked]), truth_ids)
+    totals = totals[0] / sum(steps), totals[1] / sum(steps)
     estimates = []
     for k in ranked:
         runs = entrants[names[k]]
@@ -432,8 +444,8 @@ def ranking_document(
         if names[k] in others:
             item["with"] = others[names[k]]
         estimates.append(item)
-    totals = [run["total"] for _, run, _ in side_by_side(entrants)]
-    pairs = []
+    of_steps = [run["total"] for _, run, _ in side_by_side(entrants)]
+    pairs: list[Json] = []
     for a, b in itertools.combinations(ranked, 2):
         difference = second_less_first(normal[a], normal[b])
         # The second less the first, which has the smaller value.
@@ -442,14 +454,15 @@ def ranking_document(
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
         change, count = upper[b] - upper[a], len(steps)
         # Steps that cost the same but for rounding are neither better nor worse.
-        clear = EQUAL * np.concatenate([np.maximum(total[a], total[b]) for total in totals])
-        more = np.concatenate([total[b] - total[a] for total in totals])
+        clear = EQUAL * np.concatenate([np.maximum(own[a], own[b]) for own in of_steps])
+        more = np.concatenate([own[b] - own[a] for own in of_steps])
         pairs.append(
             {
                 "first": names[a],
                 "second": names[b],
                 "verdict": verdicts[a, b],
                 "per_step": per_step,
+                **_undecided((a, b) in equal, *(roots[k] for k in (a, b))),
                 "steps": {
                     "better": int((more < -clear).sum()),
                     "worse": int((more > clear).sum()),
@@ -462,6 +475,10 @@ def ranking_document(
                 },
             }
         )
+    for item, ends, statistical in zip(
+        estimates, *_inferred(pairs, (equal, ranked), totals, order), strict=True
+    ):
+        item |= {"confidence": ends, "statistical_place": statistical}
     warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
     return {
         "schema": SCHEMA,
@@ -523,6 +540,10 @@ def _estimate(
     }
     if all(run.split.keys() == runs[0].split.keys() for run in runs):
         item |= _means([dict(run.split) for run in runs]) or {}
+    summaries = [run.summary for run in runs]
+    item[SUMMARY] = pooled(
+        {key: np.array([own.get(key, np.nan) for own in summaries]) for key in summaries[0]}
+    )
     nees = [run.nees for run in runs if run.nees is not None]
     if len(nees) == len(runs):
         joined = NeesSums.joined(nees)
@@ -657,6 +678,7 @@ def _ranking(
         truths=common["_truth"].nunique(),
         permutations=permutations_of(count),
         seed=PERMUTATION_SEED,
+        order=float(common["order"].iloc[0]),
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
@@ -670,19 +692,29 @@ def _ranking(
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Floats, Floats]:
-    """Names, best first, and bounds of their totals of each truth, or of each job of one truth.
+    """Names, best first, and bounds of their totals of each truth, or of each job of one truth."""
+    truth = common.groupby("_pair")["_truth"].first()
+    costs = common.set_index(["_pair", column]).sort_index()[TOTAL_ENDS].unstack(column)
+    lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
+    lower, upper = _per_truth((lower, upper), truth.to_numpy())
+    best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
+    return [names[k] for k in best], lower[best], upper[best]
+
+
+def _per_truth(totals: tuple[Floats, Floats], truth: Any) -> tuple[Floats, Floats]:
+    """Totals (names, jobs) added up over the jobs of each truth, if there are several.
 
     They are in an order that no name of a sequence or run has a part in.
     """
-    truth = common.groupby("_pair")["_truth"].first()
-    costs = common.set_index(["_pair", column]).sort_index()[TOTAL_ENDS].unstack(column)
-    if truth.nunique() > 1:
-        costs = costs.groupby(truth).sum()
-    lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
+    _, number = np.unique(truth, return_inverse=True)
+    if number.any():
+        sums = np.zeros((2, number.max() + 1, len(totals[0])))
+        for side, own in zip(sums, totals, strict=True):
+            np.add.at(side, number, own.T)
+        totals = sums[0].T, sums[1].T
+    lower, upper = totals
     pairs = np.lexsort(np.concatenate([np.sort(lower, axis=0), np.sort(upper, axis=0)]))
-    lower, upper = lower[:, pairs], upper[:, pairs]
-    best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
-    return [names[k] for k in best], lower[best], upper[best]
+    return lower[:, pairs], upper[:, pairs]
 
 
 def _orders(
@@ -702,29 +734,25 @@ def _orders(
         Bounds of the totals.
     """
     size, order = len(names), float(common["order"].iloc[0])
-    steps = common.groupby(column)["judged.steps"].sum().loc[list(names)].to_numpy(float)
+    sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
+    steps = sums["judged.steps"].to_numpy(float)
+    parts = (sums[list(PARTS)].div(np.maximum(steps, 1.0), axis=0) ** (1 / order)).to_dict(
+        "records"
+    )
     values, per_step = (_combined(totals, order, divisor) for divisor in (1.0, steps))
-    compared = list(itertools.combinations(range(size), 2))
     equal = _same(names, *_data(common, column, names))
-    same = np.array([pair in equal for pair in compared])
     verdicts, proven = _proven(values, equal)
     comparisons: list[Json] = []
-    for a, b in compared:
-        difference = NOTHING if (a, b) in equal else second_less_first(values[a], values[b])
+    for a, b in itertools.combinations(range(size), 2):
         comparisons.append(
             {
                 "first": names[a],
                 "second": names[b],
                 "verdict": verdicts[a, b],
-                "difference": [difference.lower, difference.upper],
-                **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
+                **_undecided((a, b) in equal, values[a], values[b]),
             }
         )
-    sure: list[Any] = [None] * size
-    inferred: list[Any] = sure
-    if totals[0].shape[1] >= LEAST_PAIRS:
-        sure = np.stack(intervals(*totals, order), axis=1).tolist()
-        inferred = _inferred(comparisons, np.array(compared).T, same, totals, order)
+    sure, inferred = _inferred(comparisons, (equal, range(size)), totals, order)
     entries = [
         {
             "name": name,
@@ -733,11 +761,12 @@ def _orders(
             "combined_lower": value.lower,
             "per_step": each.upper,
             "per_step_lower": each.lower,
+            **own,
             "confidence": ends,
             "statistical_place": statistical,
         }
-        for name, place, value, each, ends, statistical in zip(
-            names, proven, values, per_step, sure, inferred, strict=True
+        for name, place, value, each, own, ends, statistical in zip(
+            names, proven, values, per_step, parts, sure, inferred, strict=True
         )
     ]
     return entries, comparisons
@@ -794,19 +823,47 @@ def _same(
     return {*found, *((b, a) for a, b in found)}
 
 
+def _undecided(same: bool, first: Interval, second: Interval) -> Json:
+    """The difference of two values, with room for what is concluded of it."""
+    difference = NOTHING if same else second_less_first(first, second)
+    return {
+        "difference": [difference.lower, difference.upper],
+        **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
+    }
+
+
 def _inferred(
     comparisons: Sequence[Json],
-    compared: Ints,
-    same: Mask,
+    equal: tuple[Collection[tuple[int, int]], Sequence[int]],
     totals: tuple[Floats, Floats],
     order: float,
-) -> list[Places]:
-    """Fill in what is concluded of each pair; the places that follow from it.
+) -> tuple[list[Any], list[Any]]:
+    """Intervals of the values and the places that follow; what is concluded of pairs is filled in.
 
-    One is ahead only of those from which it differs significantly.
+    One is ahead only of those from which it differs significantly. Of too few truths there is None.
+
+    Parameters
+    ----------
+    comparisons : sequence of dict
+        All pairs, with the bracket of the ``difference``.
+    equal : pair of collection of (int, int) and sequence of int
+        Pairs of numbers of those with the same data; the numbers, best first.
+    totals : pair of array, shape (names, truths)
+        Bounds of the totals, best first.
+    order : float
+        The order p.
     """
-    first, second = compared
     lower, upper = totals
+    size = len(lower)
+    if lower.shape[1] < LEAST_PAIRS:
+        return [None] * size, [None] * size
+    sure = np.stack(intervals(*totals, order), axis=1).tolist()
+    compared = list(itertools.combinations(range(size), 2))
+    if not compared:
+        return sure, [(1, 1)]
+    numbers = equal[1]
+    same = np.array([(numbers[a], numbers[b]) in equal[0] for a, b in compared])
+    first, second = np.array(compared).T
     least, most = lower[second] - upper[first], upper[second] - lower[first]
     least[same] = most[same] = 0.0
     p_value = p_values(least, most)
@@ -821,6 +878,5 @@ def _inferred(
         low, high = row["difference"]
         row |= {"lower": low - half, "upper": high + half, "p_value": p, "p_holm": p_holm}
         row["significant"] = differs
-    size = len(lower)
     ahead, behind = (np.bincount(side[significant], minlength=size) for side in (second, first))
-    return list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))
+    return sure, list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))

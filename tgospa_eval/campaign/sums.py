@@ -44,6 +44,7 @@ from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import STORED_NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
 from tgospa_eval.results.slices import Slicing, added_up
+from tgospa_eval.results.summary import SUMMARY, pooled
 from tgospa_eval.show.batch import (
     KIND_COLUMN,
     POINT_COLUMNS,
@@ -185,6 +186,13 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     orders = orders.reindex(heads.index, fill_value=float(orders.iloc[0]))
     table = _summed(having, own, orders)
     table["expected"] = _expected(having if parameters else filled, numbers, by, parameters)
+    names = [name for name in having.columns if str(name).startswith(f"{SUMMARY}.")]
+    if names:
+        found = {
+            key: pooled({name: group[name].to_numpy(float) for name in names})
+            for key, group in having.groupby(own)
+        }
+        table = table.join(pd.DataFrame.from_dict(found, orient="index"))
     if metrics_of(having.columns) or STORED_NEES in having or MEAN in having:
         found = {name: joined_metrics(group) for name, group in having.groupby(own)}
         table = table.join(pd.DataFrame.from_dict(found, orient="index"))

@@ -1,11 +1,13 @@
 """``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from tgospa_eval.api.options import BatchOptions, Request
 from tgospa_eval.cli.shared.click_builder import (
+    COLUMNS_OF_TABLE,
     CONFIG_FILE,
     EVALUATION,
     PICTURE_OPTIONS,
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "over", "output", "force"),
-    *("format_", "pictures", "style", "config", "quiet"),
+    *("format_", "columns_of_table", "pictures", "style", "config", "quiet"),
 }
 """Parameters that mean something to ``batch report``."""
 
@@ -45,6 +47,7 @@ OF_REPORT = {
         report_format(Option),
         SLICE,
         WITH,
+        COLUMNS_OF_TABLE,
         *(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style")),
         CONFIG_FILE,
         QUIET,
@@ -73,8 +76,10 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     from tgospa_eval.api.batch import evaluate_batch, tables_of
     from tgospa_eval.campaign.store import Store
     from tgospa_eval.show.batch import batch_report
+    from tgospa_eval.show.study_table import check_columns
 
     output = OutputOptions.of(options)
+    check_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
             raise click.UsageError("batch report takes one folder, a store")
@@ -82,6 +87,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         store = Store(paths[1])
         store.settings()
         tables = tables_of(store, store.rows(), BatchOptions.of({**options, "output": paths[1]}))
+        tables = replace(tables, columns=output.columns_of_table)
         emit(batch_report(tables, output.format_), output.format_)
         _write(store, tables, output)
         return
@@ -89,10 +95,11 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = Request.of({**options, "by": None, "summed": True})
     done = evaluate_batch(paths, BatchOptions.of({**options, "evaluation": chosen}), print_notice)
-    emit(batch_report(done.tables, output.format_), output.format_)
+    tables = replace(done.tables, columns=output.columns_of_table)
+    emit(batch_report(tables, output.format_), output.format_)
     if done.page:
         try:
-            _write(done.store, done.tables, output)
+            _write(done.store, tables, output)
         except ConfigError as error:  # the rows are stored in any case
             print_notice(f"the page is not written: {error}")
     for text in () if output.quiet else done.notices:

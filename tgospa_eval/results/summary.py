@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, number
@@ -29,6 +31,48 @@ NUMBERS = (
     *("siap.velocity_accuracy", "siap.track_number_change_rate", "siap.longest_track_segment"),
 )
 """Names of all numbers, but for those of each axis: ``rmse_by_axis.NAME``."""
+
+SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
+"""Those that are shares, of which the largest is the best."""
+
+LOWER = (
+    *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
+    *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
+    *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
+)
+"""Those of which the least is the best."""
+
+POOLED = {
+    "detection_rate": "truth_states",
+    "precision": "estimate_states",
+    **dict.fromkeys(("rmse", "mean_error"), "assigned_states"),
+}
+"""Numbers that are means over states, by what counts these."""
+
+
+def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
+    """The numbers of several evaluations together, by their names with dots.
+
+    Rates, RMSE and the mean error are those of all states, everything else is the mean of the
+    evaluations in which it is defined.
+
+    Parameters
+    ----------
+    columns : mapping of str to array, shape (n,)
+        Of each number its values, NaN where it is not defined.
+    """
+    found: dict[str, float] = {}
+    for name, values in columns.items():
+        known = values == values
+        weights = np.ones(len(values))
+        by = columns.get(f"{SUMMARY}.{POOLED.get(name.removeprefix(f'{SUMMARY}.'))}")
+        if by is not None:
+            weights = np.where(by == by, by, 0.0)
+        if weights[known].sum() > 0:
+            power = 2.0 if name == f"{SUMMARY}.rmse" else 1.0
+            mean = np.average(values[known] ** power, weights=weights[known])
+            found[name] = float(mean ** (1 / power))
+    return found
 
 
 def names_summary(path: str) -> bool:

@@ -16,22 +16,21 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.common.words import THOUSANDS, counted, natural, number
+from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
+from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.show.rendering import (
     MOST_NAMED,
-    PART_HEADS,
     Document,
     Table,
-    best_cells,
-    best_of,
     csv_text,
     equal_names,
     first_names,
     order_in_words,
+    parameters_of,
     place_in_words,
     rendered,
 )
@@ -42,6 +41,16 @@ from tgospa_eval.show.result_text import (
     group_tables,
     grouped_table,
     other_records,
+)
+from tgospa_eval.show.study_table import (
+    INTERVAL,
+    NARROW,
+    StudyRow,
+    costs_table,
+    fixed,
+    study_caption,
+    study_table,
+    value_name,
 )
 from tgospa_eval.show.style import HEAT_LEVELS
 from tgospa_eval.show.time_axis import TimeAxis
@@ -201,9 +210,6 @@ def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
 Places = tuple[int, int]
 """The best and the worst, counted from 1."""
 
-NARROW = 1e-9
-"""Relative width of a bracket below which one number is shown."""
-
 MOST_LINES = 6
 """Groups whose curves are drawn."""
 
@@ -218,8 +224,8 @@ class Ranking:
         Its name.
     entries : list of dict
         Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
-        ``per_step``; ``confidence``, the 95 % interval of combined, and ``statistical_place``,
-        both None where there are too few pairs.
+        ``per_step``, its parts by name; ``confidence``, the 95 % interval of combined, and
+        ``statistical_place``, both None where there are too few pairs.
     comparisons : list of dict
         All pairs of them, the ``first`` has the smaller value: ``verdict`` (proven), bounds of the
         ``difference`` of combined; ``lower`` and ``upper`` end of its 95 % interval, ``p_value``,
@@ -234,6 +240,8 @@ class Ranking:
         Of the test; 0 where there are too few pairs.
     seed : int
         Of those, if they are drawn.
+    order : float
+        The order p.
     parameters : mapping of str to float or str
         Those that differ in the batch.
     left_out : tuple of str
@@ -249,8 +257,45 @@ class Ranking:
     truths: int
     permutations: int
     seed: int
+    order: float = 2.0
     parameters: Mapping[str, float | str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+
+    @property
+    def value(self) -> str:
+        """The name of what they are ranked by."""
+        return value_name(self.order, self.jobs)
+
+    @property
+    def share(self) -> float:
+        """The value per step by the combined one."""
+        best = self.entries[-1]
+        return best["per_step"] / best["combined"] if best["combined"] else 0.0
+
+    @property
+    def p_values(self) -> list[float | None]:
+        """Of the difference of each entry to the first, NaN of itself; None of too few pairs."""
+        if not self.permutations:
+            return [None] * len(self.entries)
+        best = self.entries[0]["name"]
+        each = {row["second"]: row["p_holm"] for row in self.comparisons if row["first"] == best}
+        return [each.get(entry["name"], math.nan) for entry in self.entries]
+
+    def place(self, entry: Json) -> str:
+        """The proven place of an entry in words."""
+        return place_in_words(
+            *entry["place"], shared=entry["name"] in equal_names(self.comparisons)
+        )
+
+    def total(self, entry: Json) -> Interval:
+        """The bracket of the cost of a step."""
+        value = bracket(entry, "per_step")
+        return Interval(lower=value.lower**self.order, upper=value.upper**self.order)
+
+    def interval(self, entry: Json) -> tuple[float, float] | None:
+        """The 95 % interval of the value per step."""
+        ends = entry["confidence"]
+        return (ends[0] * self.share, ends[1] * self.share) if ends else None
 
     @property
     def others(self) -> str:
@@ -284,6 +329,8 @@ class BatchTables:
         What was evaluated, and how; for the page and pictures.
     link : callable
         Where the report of the job of a row is; nothing if there is none.
+    columns : tuple of str
+        Of the table of the study, if some were asked for.
     """
 
     rows: "pd.DataFrame"
@@ -296,6 +343,13 @@ class BatchTables:
     curves: tuple[RmsCurve, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     link: Callable[[Mapping[Any, Any]], str] = lambda _: ""
+    columns: tuple[str, ...] = ()
+
+    @property
+    def order(self) -> float | None:
+        """The order p, if it is that of all jobs."""
+        known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
+        return float(*known) if len(known) == 1 else None
 
     @property
     def heads(self) -> dict[str, str]:
@@ -440,11 +494,6 @@ MOST_SQUARES = 1000
 
 MOST_COLUMNS = 12
 
-DIGITS = 4
-"""Of the largest value."""
-
-MOST_DECIMALS = 6
-
 VALUE_COLUMNS = ("total_lower", "total_upper", "judged.steps", "order")
 
 TINY = np.finfo(float).tiny
@@ -532,7 +581,7 @@ def heat_of(
         bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
         cells[place] = {
             "value": bounds,
-            "text": "failed" if bounds is None else cell_text(bounds, most),
+            "text": "failed" if bounds is None else fixed(bounds, most),
             "jobs": item["jobs"],
             "failed": item["failed"],
             "level": item["level"],
@@ -558,16 +607,6 @@ def heat_of(
         "hidden_rows": len(share) - len(names),
         "hidden_columns": len(columns) - len(shown),
     }
-
-
-def cell_text(value: Interval, largest: float) -> str:
-    """A value with as many decimals as all have, or both ends where they differ there."""
-    decimals = max(0, DIGITS - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
-    form = f",.{decimals}f"
-    if largest >= THOUSANDS or decimals > MOST_DECIMALS:
-        form = f".{DIGITS - 1}e"
-    low, high = (f"{end:{form}}" for end in (value.lower, value.upper))
-    return high if low == high else f"{low} to {high}"
 
 
 # -------------------------------------------------------------------------------------------------
@@ -674,13 +713,6 @@ def _plain(name: str, value: Any) -> Any:
     return list(value) if THRESHOLDS in name else value
 
 
-INTERVAL = "95 % interval"
-"""Head of columns with confidence intervals of the value before them."""
-
-LEAST_P = 1e-4
-"""P values below are shown as such."""
-
-
 def document(tables: BatchTables) -> Document:
     """The tables by groups and the rankings, with what they are."""
     rows, groups = tables.rows, tables.groups
@@ -688,12 +720,12 @@ def document(tables: BatchTables) -> Document:
     return Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
         lines=[
+            *filter(None, [parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
             *filter(_warns, tables.notes),
         ],
         tables=[
-            *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
-            *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
+            *(study_tables(tables) if len(groups) else ()),
             *other_tables(tables),
             *slice_tables(tables),
         ],
@@ -711,31 +743,105 @@ def of_expected(jobs: int, expected: int) -> str:
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
-def _sums_table(tables: BatchTables) -> Table:
-    groups, rows = tables.groups, tables.groups.to_dict("records")
-    values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
-    if "mean_of_roots" in groups:
-        values["mean_of_roots"] = "mean of roots"
-    heads = [*tables.heads.values(), "jobs"]
-    columns = [
-        *zip(*map(tables.named, rows), strict=True),
-        [of_expected(int(row["jobs"]), int(row["expected"])) for row in rows],
+def study_tables(tables: BatchTables) -> Iterator[Table]:
+    """The table of the study, with the costs of a run; and of rankings on fewer jobs or labels."""
+    heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
+    places = _places(tables)
+    rank = {own: k for k, own in enumerate(places)}
+    groups.sort(key=lambda row: rank.get(_group_key(tables, row), len(rank)))
+    rows = [_study_row(tables, row, places) for row in groups]
+    title, rivals = value_name(tables.order, len(tables.rows)), _rivals(tables, groups)
+    caption = study_caption(title, _parameters(tables))
+    yield study_table(rows, heads, rivals, title, tables.columns, caption)
+    yield costs_table(rows, heads, rivals)
+    own = [
+        (ranking, entry, p_value)
+        for ranking in tables.rankings
+        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
     ]
-    compared: dict[int, list[Interval]] = {}
-    for name, title in values.items():
-        compared[len(heads)] = [interval(row, name) for row in rows]
-        columns.append([_between(value) for value in compared[len(heads)]])
-        heads.append(title)
-        if name == "combined" and groups["confidence_upper"].notna().any():
-            ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
-            columns.append([_interval(*both) for both in ends])
-            heads.append(INTERVAL)
-    return Table(
-        head=heads,
-        rows=list(zip(*columns, strict=True)),
-        labels=len(tables.heads),
-        bold=best_cells(compared, _rivals(tables, rows)),
+    if own and not places:
+        yield study_table(
+            [
+                StudyRow(
+                    names=(entry["name"], *map(value_in_words, ranking.parameters.values())),
+                    jobs=of_expected(ranking.jobs, ranking.all_jobs),
+                    steps=1.0,
+                    order=ranking.order,
+                    total=ranking.total(entry),
+                    costs={part: entry[part] ** ranking.order for part in PARTS},
+                    confidence=ranking.interval(entry),
+                    place=ranking.place(entry),
+                    p=p_value,
+                )
+                for ranking, entry, p_value in own
+            ],
+            (tables.rankings[0].label, *tables.rankings[0].parameters),
+            [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
+            title,
+        )
+
+
+GroupKey = tuple[object, ...]
+
+
+def _group_key(tables: BatchTables, row: Mapping[Hashable, Any]) -> GroupKey:
+    return tuple(row[name] for name in tables.heads)
+
+
+def _places(tables: BatchTables) -> dict[GroupKey, tuple[Ranking, Json, float | None]]:
+    """Of each group that is ranked on all its jobs the ranking, best first, entry, and p value."""
+    if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
+        return {}
+    return {
+        (entry["name"], *ranking.parameters.values()): (ranking, entry, p_value)
+        for ranking in tables.rankings
+        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
+    }
+
+
+def _study_row(
+    tables: BatchTables,
+    row: Mapping[Hashable, Any],
+    places: Mapping[GroupKey, tuple[Ranking, Json, float | None]],
+) -> StudyRow:
+    jobs = max(int(row["jobs"]), 1)
+    order = float(row["order"]) if "order" in row else tables.order or 1.0
+    ranking, entry, p_value = places.get(_group_key(tables, row), (None, {}, None))
+    scale = max(float(row["judged.steps"]), 1.0) ** (-1 / order)
+    ends = float(row["confidence_lower"]) * scale, float(row["confidence_upper"]) * scale
+    metrics = next(other_records([row]))
+    return StudyRow(
+        names=tables.named(row),
+        jobs=of_expected(int(row["jobs"]), int(row["expected"])),
+        steps=max(float(row["judged.steps"]) / jobs, 1.0),
+        order=order,
+        total=interval(row, "total").scaled(1 / jobs),
+        costs={part: float(row[part]) / jobs for part in PARTS},
+        confidence=ends if ends[0] == ends[0] else None,
+        place=ranking.place(entry) if ranking else "",
+        p=p_value,
+        mean_of_roots=row.get("mean_of_roots"),
+        numbers={
+            **{
+                f"{key}.{name}": value
+                for key, own in metrics.items()
+                for name, value in own.items()
+            },
+            **{str(k): v for k, v in row.items() if str(k).startswith(f"{SUMMARY}.") and v == v},
+        },
     )
+
+
+def _parameters(tables: BatchTables) -> Json:
+    """Parameters that all jobs share."""
+    if "parameters" not in tables.rows:
+        return {}
+    first, *others = map(json.loads, tables.rows["parameters"].dropna().unique())
+    return {
+        name: value
+        for name, value in first.items()
+        if all(name in own and own[name] == value for own in others)
+    }
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
@@ -746,18 +852,6 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
         if row["jobs"] and {name: row[name] for name in tables.parameters} in ranked:
             found.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
     return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
-
-
-def _parts_table(tables: BatchTables) -> Table:
-    heads, rows = tables.heads, tables.groups.to_dict("records")
-    totals = [interval(row, "combined") for row in rows]  # in the same order
-    numbers = [[_value(row[name], 5) for name in ("total", *PARTS)] for row in rows]
-    return Table(
-        head=(*heads.values(), "total", *PART_HEADS),
-        rows=[(*tables.named(row), *own) for row, own in zip(rows, numbers, strict=True)],
-        labels=len(heads),
-        bold=best_cells({len(heads): totals}, _rivals(tables, rows)),
-    )
 
 
 def other_tables(tables: BatchTables) -> Iterator[Table]:
@@ -783,7 +877,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if ranking.jobs < ranking.all_jobs:
         all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
         jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{order_in_words('combined', entries, ranking.comparisons)} ({jobs})"
+    yield f"{where}{order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
@@ -801,71 +895,17 @@ def _where(ranking: Ranking) -> str:
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
-def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
-    """The proven order, and below it the statistical one."""
-    of = [value_in_words(value) for value in ranking.parameters.values()]
-    entries, equal = ranking.entries, equal_names(ranking.comparisons)
-    per_step = [bracket(item, "per_step") for item in entries]
-    yield Table(
-        head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
-        labels=1 + len(of),
-        rows=[
-            (
-                item["name"],
-                *of,
-                place_in_words(*item["place"], shared=item["name"] in equal),
-                _between(bracket(item, "combined")),
-                _between(each),
-            )
-            for item, each in zip(entries, per_step, strict=True)
-        ],
-        bold=frozenset(
-            (row, k)
-            for row in best_of([item["place"] for item in entries])
-            for k in range(3 + len(of))
-        )
-        | best_cells({3 + len(of): per_step}, [range(len(entries))]),
-    )
-    if ranking.permutations:
-        places = {item["name"]: place_in_words(*item["statistical_place"]) for item in entries}
-        best = entries[0]["name"]
-        yield Table(
-            head=(
-                f"vs {best}",
-                *ranking.parameters,
-                *("difference", INTERVAL, "p (Holm)", "statistical place"),
-            ),
-            labels=1 + len(of),
-            rows=[
-                (best, *of, "", "", "", places[best]),
-                *(
-                    (pair["second"], *of, *_tested(pair), places[pair["second"]])
-                    for pair in ranking.comparisons
-                    if pair["first"] == best
-                ),
-            ],
-        )
-
-
-def _tested(pair: Json) -> tuple[str, str, str]:
-    """The difference, its interval and its p value."""
-    ends = dict.fromkeys(_value(end, 4, "+") for end in pair["difference"])
-    difference = "+0" if pair["verdict"] == "equal" else " to ".join(ends)
-    p_value = f"<{LEAST_P:g}" if pair["p_holm"] < LEAST_P else f"{pair['p_holm']:.2g}"
-    return difference, _interval(pair["lower"], pair["upper"], "+"), p_value
-
-
 def _notes(tables: BatchTables) -> Iterator[str]:
     if not len(tables.groups):
         return
-    sums = (
-        "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
-        "of the totals)^(1/p), as of Monte Carlo runs; "
+    title = value_name(tables.order, len(tables.rows))
+    roots = (
+        "; mean of roots: the plain mean of the values" if "mean_of_roots" in tables.groups else ""
     )
-    if "mean_of_roots" in tables.groups:
-        yield sums + "mean of roots: the plain mean of the values, which is none of these"
-    else:
-        yield sums + "no mean of roots is taken"
+    yield (
+        f"{title}: (sum of the totals / sum of the steps)^(1/p), parts alike; TGOSPA and costs are "
+        f"those of a run, (mean of the totals)^(1/p) and means{roots}"
+    )
     steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
     lengths = sorted(set(map(int, steps)))
     if len(lengths) > 1:
@@ -876,7 +916,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
             f"{of_expected(row['jobs'], row['expected'])} jobs: of the others there is no value; "
-            "sums, and with them combined, are without their costs and look better than they are"
+            "all values are without their costs and look better than they are"
         )
         break
     opened = int(tables.groups["open"].sum())
@@ -887,14 +927,14 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
-        yield "proven place: by the brackets of combined, on these files"
+        yield "place: proven by the brackets, on these files"
     for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
         yield (
-            f"statistical place, for {others} drawn as these were: by a two-sided permutation "
-            "test, p adjusted for all pairs (Holm), significant below 0.05"
+            f"p, for {others} drawn as these were: of the difference to the best, by a two-sided "
+            "permutation test, adjusted for all pairs (Holm), significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
-        yield f"{INTERVAL}: of the value before it, by Student's t and the jackknife"
+        yield f"{INTERVAL}: of {title}, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
             names = listed(ranking.left_out, MOST_NAMED)
@@ -913,26 +953,6 @@ def about_others(tables: BatchTables) -> Iterator[str]:
     if found:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
         yield from direction(found)
-
-
-def _value(value: float, digits: int, sign: str = "") -> str:
-    if not math.isfinite(value):
-        return "-"
-    return f"{sign if value > 0 else ''}{number(value, digits)}"
-
-
-def _between(bounds: Interval) -> str:
-    """The upper end, or the bracket where that is wide."""
-    if not math.isfinite(bounds.upper) or bounds.upper - bounds.lower <= NARROW * bounds.upper:
-        return _value(bounds.upper, 6)
-    return f"{number(bounds.lower)} to {number(bounds.upper)}"
-
-
-def _interval(lower: float, upper: float, sign: str = "") -> str:
-    """An interval of statistics, which has few digits."""
-    if not math.isfinite(upper):
-        return "-"
-    return f"{_value(lower, 4, sign)} to {_value(upper, 4, sign)}"
 
 
 def batch_report(tables: BatchTables, format: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from math import nan
 
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
@@ -9,6 +10,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
+from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.show.rendering import (
     EXACT,
@@ -23,8 +25,6 @@ from tgospa_eval.show.rendering import (
     Document,
     Table,
     as_markdown,
-    best_cells,
-    best_of,
     columns,
     equal_names,
     error_of,
@@ -43,6 +43,14 @@ from tgospa_eval.show.result_text import (
     grouped_table,
     other_columns,
 )
+from tgospa_eval.show.study_table import (
+    INTERVAL,
+    StudyRow,
+    costs_table,
+    study_caption,
+    study_table,
+    value_name,
+)
 
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
@@ -50,8 +58,11 @@ TIES = (
 )
 
 
-def estimates_document(document: Json) -> Document:
-    """Several estimates of one truth, or one with per-step GOSPA beside it."""
+def estimates_document(document: Json, asked: Sequence[str] = ()) -> Document:
+    """Several estimates of one truth, or one with per-step GOSPA beside it.
+
+    `asked` are columns of the table.
+    """
     return Document(
         kind=_what(document),
         title=_order(document),
@@ -61,9 +72,7 @@ def estimates_document(document: Json) -> Document:
             parameters_of(document["parameters"]),
         ],
         tables=[
-            _normalised_table(document, places=True),
-            *_pair_tables(document),
-            *_costs_tables(document["estimates"]),
+            *_study_tables(document, asked),
             *_against_tables(document),
             *_other_tables(document),
         ],
@@ -121,7 +130,8 @@ def _order(document: Json) -> str:
         value = _between(item["lower_bound"], item["tgospa"])
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    return order_in_words("TGOSPA per step", estimates, document["pairs"])
+    value = value_name(document["parameters"]["order"], document["runs"])
+    return order_in_words(value, estimates, document["pairs"])
 
 
 def _what(document: Json) -> str:
@@ -153,38 +163,42 @@ def _runs(document: Json) -> str:
     )
 
 
-def _normalised_table(document: Json, *, places: bool = False) -> Table:
-    """What is ranked, and its parts; with places where there are several."""
-    runs, order = document["runs"], document["parameters"]["order"]
-    items = document["estimates"]
-    per_step = [item["normalised"] for item in items]
-    places = places and len(items) > 1
-    mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
-    columns = {f"per step{mean}": [item["name"] for item in items]}
-    if places:
-        equal = equal_names(document["pairs"])
-        columns["place"] = [
-            place_in_words(*item["place"], shared=item["name"] in equal) for item in items
-        ]
-    columns["TGOSPA"] = [_between(value["lower_bound"], value["tgospa"]) for value in per_step]
-    columns |= {name: [number(value[name], 4) for value in per_step] for name in PARTS}
-    best = best_of([item["place"] for item in items])
-    return table_of(columns, bold=frozenset((row, k) for row in best for k in range(2 + places)))
+def study_rows(document: Json) -> list[StudyRow]:
+    """A row for each estimate, best first."""
+    items, pairs = document["estimates"], document["pairs"]
+    equal, first = equal_names(pairs), items[0]["name"]
+    p_values = {pair["second"]: pair["p_holm"] for pair in pairs if pair["first"] == first}
+    return [
+        StudyRow(
+            names=(item["name"],),
+            jobs=f"{document['runs']:,}",
+            steps=sum(document["steps"]) / document["runs"],
+            order=document["parameters"]["order"],
+            total=Interval(lower=item["total_lower"], upper=item["total"]),
+            costs={part: item[part] for part in PARTS},
+            confidence=item["confidence"],
+            place=place_in_words(*item["place"], shared=item["name"] in equal) if pairs else "",
+            p=p_values.get(item["name"], nan) if item["confidence"] and pairs else None,
+            numbers=item[SUMMARY]
+            | {
+                f"{key}.{name}": value
+                for key, own in item.get("with", {}).items()
+                for name, value in own.items()
+            },
+        )
+        for item in items
+    ]
 
 
-def _costs_tables(estimates: list[Json]) -> Iterator[Table]:
-    """Value, total and its parts, each in its own unit; and what there is of covariances."""
-    roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
-    totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
-    columns = {
-        "costs": [item["name"] for item in estimates],
-        "TGOSPA": [_between(root.lower, root.upper) for root in roots],
-        "total": [_between(total.lower, total.upper) for total in totals],
-    }
-    for head, part in zip(PART_HEADS, PARTS, strict=True):
-        columns[head] = [number(item[part], 5) for item in estimates]
-    yield table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
-    yield from _covariances(estimates)
+def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[Table]:
+    """The table of the study, and below differences and costs."""
+    rows, rivals = study_rows(document), [range(len(document["estimates"]))]
+    title = value_name(document["parameters"]["order"], document["runs"])
+    caption = study_caption(title, document["parameters"])
+    yield study_table(rows, ("estimate",), rivals, title, asked, caption)
+    yield from _pair_tables(document)
+    yield costs_table(rows, ("costs",), rivals)
+    yield from _covariances(document["estimates"])
 
 
 def _covariances(estimates: list[Json]) -> Iterator[Table]:
@@ -257,6 +271,13 @@ def _ranking_notes(document: Json) -> Iterator[str]:
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
         found = {pair["verdict"] for pair in document["pairs"]}
+        title = value_name(document["parameters"]["order"], document["runs"])
+        if estimates[0]["confidence"]:
+            yield (
+                f"{title} and its {INTERVAL} over {counted(document['runs'], 'run')}: by Student's "
+                "t and the jackknife; p of the difference to the best: by a two-sided permutation "
+                "test, adjusted for all pairs (Holm), significant below 0.05"
+            )
         yield "; ".join(
             [
                 *(text for verdict, text in PROOFS.items() if verdict in found),
@@ -568,12 +589,12 @@ DOCUMENTS = {
 """Of each kind what people read."""
 
 
-def render(document: Json, format: str) -> str:
-    """What ``--format`` prints."""
+def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
+    """What ``--format`` prints; `asked` are columns of the table of estimates."""
     kind = document["kind"]
 
     def page(document: Json) -> Document:
-        made = DOCUMENTS[kind](document)
+        made = DOCUMENTS[kind](document, *([asked] if asked else ()))
         if "settings_file" not in document:
             return made
         used = str(SettingsFile(**document["settings_file"]))

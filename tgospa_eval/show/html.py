@@ -27,7 +27,6 @@ from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.batch import (
     BANDS,
-    NARROW,
     BatchTables,
     Ranking,
     about_others,
@@ -40,7 +39,7 @@ from tgospa_eval.show.batch import (
 )
 from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
-from tgospa_eval.show.rendering import ORDERS, Table, equal_names, order_in_words, place_in_words
+from tgospa_eval.show.rendering import ORDERS, Table, order_in_words, place_in_words
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
     about_slices,
@@ -57,6 +56,7 @@ from tgospa_eval.show.result_text import (
     similarity_in_words,
     summary_of,
 )
+from tgospa_eval.show.study_table import NARROW, value_name
 from tgospa_eval.show.style import (
     DARK,
     DARK_TRACK_COLOURS,
@@ -291,7 +291,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
     ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
     sentence = ""
     if ranking is not None:
-        sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
+        sentence = order_in_words(ranking.value, ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
@@ -328,6 +328,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
             costliest=list(_costliest(tables, valued)),
             faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
+            value=value_name(tables.order, len(rows)),
             orders=ORDERS,
             number=number,
             of_expected=of_expected,
@@ -372,7 +373,7 @@ def _title(tables: BatchTables, ranking: Ranking | None) -> str:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best['name']}: TGOSPA {tables.between(bracket(best, 'per_step'))} per step"
+        return f"{best['name']}: {ranking.value} {tables.between(bracket(best, 'per_step'))}"
     if len(tables.shown_groups) == 1:
         return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
@@ -381,20 +382,16 @@ def _title(tables: BatchTables, ranking: Ranking | None) -> str:
 def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
-    equal = equal_names(ranking.comparisons)
     for entry in ranking.entries:
-        # Per step, as the value is: by the same number of steps.
         name, per_step = entry["name"], bracket(entry, "per_step")
-        share = entry["per_step"] / entry["combined"] if entry["combined"] else 0.0
-        low, high = entry["confidence"] or (0.0, 0.0)
-        sure = Interval(lower=low, upper=high).scaled(share) if entry["confidence"] else None
+        ends = ranking.interval(entry)
+        sure = Interval(lower=ends[0], upper=ends[1]) if ends else None
         words = {
             "name": name,
             "track": tables.compared[name],
-            "place": place_in_words(*entry["place"], shared=name in equal),
+            "place": ranking.place(entry),
             "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
             "per_step": tables.between(per_step),
-            "combined": tables.between(bracket(entry, "combined")),
             "sure": tables.between(sure, 4) if sure else "",
         }
         entries.append((words, per_step, sure))
@@ -430,7 +427,11 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
             low, high = pair["difference"]
-            yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
+            difference = Interval(lower=low, upper=high).scaled(ranking.share)
+            own = {**pair, "difference": tables.between(difference)}
+            if pair["lower"] is not None:
+                own |= {end: pair[end] * ranking.share for end in ("lower", "upper")}
+            yield own
 
 
 def _costliest(

@@ -4,6 +4,7 @@ import itertools
 import re
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import zip_longest
 from types import SimpleNamespace
 from typing import Any, Literal, TypeVar
@@ -37,6 +38,8 @@ _LINKS = r":(?=//)|(?<=www)\."
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 """How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
+
+_NUMBER = r"-?[\d,]+(\.\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
 """What is visible and XML 1.0 cannot express, escaped or not."""
@@ -168,13 +171,18 @@ class Table:
         How many first columns tell rows apart.
     widths : sequence of int
         Of the columns in plain text, with the blanks between them; by default as they need.
-    bold : frozenset of (int, int)
-        Cells, by row and column, that stand out in Markdown and LaTeX.
+    bold, underlined : frozenset of (int, int)
+        Cells, by row and column, that stand out: the best in Markdown and LaTeX, the second in
+        LaTeX.
     ruled : tuple of int
         Rows below a line, in LaTeX.
     wrapped : collection of int
         Columns whose cells go on below in plain text, where the table would be too wide, or at two
         less than the width that they are given.
+    caption : str
+        What the table shows; LaTeX sets one with a caption as a float.
+    is_wide : bool
+        Whether that is over both columns of a page.
     """
 
     head: Row
@@ -183,8 +191,11 @@ class Table:
     labels: int = 1
     widths: Sequence[int] = ()
     bold: frozenset[tuple[int, int]] = frozenset()
+    underlined: frozenset[tuple[int, int]] = frozenset()
     ruled: tuple[int, ...] = ()
     wrapped: Collection[int] = ()
+    caption: str = ""
+    is_wide: bool = False
 
     @property
     def sides(self) -> str:
@@ -249,11 +260,19 @@ def as_markdown(document: Document) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def as_latex(document: Document) -> str:
-    """Tables of the package booktabs; the words are comments."""
+def as_latex(document: Document, *, aligned: bool = False) -> str:
+    """Tables of the package booktabs; the words are comments.
+
+    Parameters
+    ----------
+    document : Document
+        What is written.
+    aligned : bool
+        Whether digits stand in columns of the package siunitx.
+    """
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
-    tables = ["\n".join(latex_lines(table)) for table in document.tables]
+    tables = ["\n".join(latex_lines(table, aligned=aligned)) for table in document.tables]
     return "\n\n".join(["\n".join([*lines, *tables[:1]]), *tables[1:]]) + "\n"
 
 
@@ -261,6 +280,7 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "table": as_text,
     "markdown": as_markdown,
     "latex": as_latex,
+    "siunitx": partial(as_latex, aligned=True),
 }
 """Of each format for people what writes a document."""
 
@@ -339,11 +359,26 @@ def markdown_lines(
     return [rows[0], f"|{dashes}|", *rows[1:]]
 
 
-def latex_lines(table: Table) -> Iterator[str]:
-    """The table by the package booktabs."""
-    yield rf"\begin{{tabular}}{{{table.sides}}}"
+def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
+    """The table by the package booktabs, numbers by siunitx if they are `aligned`."""
+    sides, bold = list(table.sides), r"\textbf{{{}}}"
+    numeric = [
+        k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
+    ]
+    for k in numeric:
+        numbers = [str(row[k]).replace(",", "").partition(".") for row in table.rows if row[k]]
+        whole, part = (max(len(text[at]) for text in numbers) for at in (0, 2))
+        sides[k] = f"S[table-format={whole}.{part},detect-weight]"
+    kind = "table*" if table.is_wide else "table"
+    if table.caption:
+        yield from (rf"\begin{{{kind}}}", r"\centering", rf"\caption{{{latex(table.caption)}}}")
+    yield rf"\begin{{tabular}}{{{''.join(sides)}}}"
     yield r"\toprule"
-    for k, cells in enumerate(_cells(table, latex, r"\textbf{{{}}}"), start=-1):
+    for k, cells in enumerate(_cells(table, latex, bold, r"\underline{{{}}}"), start=-1):
+        for column in numeric:
+            cell = cells[column] or ""
+            own = table.rows[k][column] if k >= 0 else None
+            cells[column] = f"{{{cell}}}" if own is None else _of_siunitx(own, cell)
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
@@ -353,12 +388,31 @@ def latex_lines(table: Table) -> Iterator[str]:
             yield r"\midrule"
     yield r"\bottomrule"
     yield r"\end{tabular}"
+    if table.caption:
+        yield rf"\end{{{kind}}}"
 
 
-def _cells(table: Table, escape: Callable[[str], str], bold: str) -> Iterator[Row]:
+def _is_numeric(table: Table, column: int) -> bool:
+    """Whether all cells of a column are numbers, or empty."""
+    cells = [row[column] for row in table.rows if len(row) > column and row[column]]
+    return bool(cells) and all(re.fullmatch(_NUMBER, str(cell)) for cell in cells)
+
+
+def _of_siunitx(text: str, cell: str) -> str:
+    """A number in a column of siunitx; `cell` is how it would stand in another."""
+    plain = text.replace(",", "")
+    if cell.startswith(r"\textbf"):
+        return rf"\bfseries {plain}"
+    return rf"{{\underline{{{plain}}}}}" if cell.startswith(r"\underline") else plain
+
+
+def _cells(
+    table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
+) -> Iterator[list[str | None]]:
     """Head and rows in the words of a language, all of one length."""
+    looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
-        forms = (bold if (k, at) in table.bold else "{}" for at in range(len(row)))
+        forms = (looks.get((k, at), "{}") for at in range(len(row)))
         cells = [cell and form.format(escape(cell)) for cell, form in zip(row, forms, strict=True)]
         yield cells + [None] * (len(table.head) - len(row))
 
@@ -511,7 +565,9 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
         for name, letter in LETTERS.items()
         if name in parameters
     )
-    return f"{known}{members_in_words(parameters)}{end}{parameters['distance']}"
+    return end.join(
+        filter(None, [f"{known}{members_in_words(parameters)}", parameters.get("distance", "")])
+    )
 
 
 # -------------------------------------------------------------------------------------------------
@@ -581,16 +637,18 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
     return f"None is proven best by {value}: it may be any of {first_names(tied)}"
 
 
-def best_of(ranks: Sequence[Sequence[int]]) -> list[int]:
-    """Which are proven to be better than all others, or equal to such."""
-    best = [k for k, place in enumerate(ranks) if tuple(place) == (1, 1)]
+def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
+    """Which are proven to be better than all others, or equal to such; or to have this place."""
+    best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
 
 def best_cells(
-    columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]]
+    columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
     """Row and column of the values that are proven to be the least of those they compete with.
+
+    Of the second `place` those that are proven to have that.
 
     Parameters
     ----------
@@ -603,7 +661,7 @@ def best_cells(
         (rows[k], column)
         for rows in rivals
         for column, values in columns.items()
-        for k in best_of(places([values[row] for row in rows]))
+        for k in best_of(places([values[row] for row in rows]), place)
     )
 
 

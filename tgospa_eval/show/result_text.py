@@ -78,9 +78,9 @@ def other_table(found: OtherMetrics) -> Table:
     rows: list[Row] = []
     for name, (main, parts) in PARTS_SHOWN.items():
         if name in found:
-            beside = ", ".join(f"{_short(part)} {_value(part, found[name])}" for part in parts)
+            beside = ", ".join(f"{_short(part)} {other_value(part, found[name])}" for part in parts)
             best = "low" if main in LOW else "high"
-            rows.append((_short(main), _value(main, found[name]), best, beside))
+            rows.append((_short(main), other_value(main, found[name]), best, beside))
     return Table(head=("other metrics", "value", "best", None), rows=rows, align="lrrl")
 
 
@@ -113,7 +113,7 @@ def grouped_table(
         yield Table(
             head=(*head, *(_short(part) for _, part in shown)),
             rows=[
-                (*name, *(_value(part, record[key]) for key, part in shown))
+                (*name, *(other_value(part, record[key]) for key, part in shown))
                 for name, record in zip(names, found, strict=True)
             ],
             labels=len(head),
@@ -188,7 +188,8 @@ def _short(name: str) -> str:
     return SHORT_NAMES.get(name, name)
 
 
-def _value(name: str, numbers: Mapping[str, float]) -> str:
+def other_value(name: str, numbers: Mapping[str, float]) -> str:
+    """A number of another metric in words."""
     value = numbers[name]
     if name in COSTS:
         return number(value, 5)

@@ -9,6 +9,7 @@ from click.core import ParameterSource
 from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_builder import (
     BY_OF_SETTINGS,
+    COLUMNS_OF_TABLE,
     CONFIG_FILE,
     EVALUATION,
     FORCE,
@@ -28,12 +29,12 @@ for it may come from a settings file."""
 
 OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
-OF_FILES = {"against", "unit", "by", "with_"} | {
+OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
 """Parameters that mean nothing in the other case."""
 
-OF_RESULTS = {"files", "format_", "output", "force", "config", "quiet"}
+OF_RESULTS = {"files", "format_", "columns_of_table", "output", "force", "config", "quiet"}
 """Parameters that mean something where saved results are ranked."""
 
 _comparison = partial(Option, section="Comparison")
@@ -96,6 +97,7 @@ COMPARE_OUTPUT = (
         type=PATH,
     ),
     WITH,
+    COLUMNS_OF_TABLE,
     BY_OF_SETTINGS,
     FORCE,
     CONFIG_FILE,
@@ -150,11 +152,13 @@ def command(
         )
     from tgospa_eval.campaign.pairs import is_pattern
     from tgospa_eval.cli.compare import run
+    from tgospa_eval.show.study_table import check_columns
 
     # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
     apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
     request = Request.of({name: value for name, value in options.items() if name not in apart})
     output: Any = OutputOptions.of(options)
+    check_columns(output.columns_of_table)
     solvers: Any = options["solvers"]
     # The default depends on what is compared.
     has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
@@ -172,7 +176,8 @@ def command(
                 "by = class of the settings is left aside: compare takes all rows together"
             )
         per_step = options["against"] is not None
-        if len(files) > 2 or per_step or request.with_ is not None or any(map(is_pattern, files)):
+        asked = per_step or request.with_ is not None or output.columns_of_table
+        if len(files) > 2 or asked or any(map(is_pattern, files)):
             fine = run.compare_estimates(files, request, output, make, per_step=per_step)
         else:
             fine = run.compare_files(files, request, output, make, spare=solvers is None)

@@ -91,7 +91,7 @@ def show(
 
     try:
         with shielded():
-            emit(render(answer, output.format_), output.format_)
+            emit(render(answer, output.format_, output.columns_of_table), output.format_)
     finally:  # the one is not lost where the other fails
         write_output(output, kind, make)
 

@@ -15,7 +15,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
 
-REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
+REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex", "siunitx")
 
 _output = partial(option, section="Output")
 _general = partial(option, section="General")
@@ -145,7 +145,7 @@ def report_format(
     """``--format`` of a report; `more` are formats of one verb."""
     return make(
         "--format FORMAT",
-        f"What to print: table, json, {csv}, markdown or latex."
+        f"What to print: table, json, {csv}, markdown, latex, siunitx (LaTeX, aligned digits)."
         + " For a paper: methods, a paragraph that says what was computed." * bool(more),
         name="format_",
         section="Output",
@@ -153,6 +153,15 @@ def report_format(
         default="table",
     )
 
+
+COLUMNS_OF_TABLE = _output(
+    "--columns-of-table NAMES",
+    "Columns of the table, with commas: jobs, tgospa, interval, loc, missed, false, switch, place, "
+    "p, numbers of the summary as detection, rmse, and of --with as hota.",
+    callback=lambda _, __, text: tuple(filter(None, map(str.strip, (text or "").split(",")))),
+    show_default="those that say something",
+)
+"""Of the table of a study."""
 
 OUTPUT = (
     report_format(csv="csv (the costs of each step)", more=("methods",)),
@@ -184,6 +193,7 @@ class OutputOptions(Values):
     style: str = "screen"
     components: str | None = None
     plane: str | None = None
+    columns_of_table: tuple[str, ...] = ()
     config: SettingsFile | None = None
     quiet: bool = False
     verbose: bool = False

@@ -1,0 +1,313 @@
+"""The one table of a study: RMS-TGOSPA of each tracker, its parts, how sure they are, and more."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from typing import Any
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import THOUSANDS, number
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.summary import LOWER, NUMBERS, SHARES, SUMMARY
+from tgospa_eval.show.rendering import PART_HEADS, Table, best_cells, parameters_of
+from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
+from tgospa_eval.text import listed, option, quoted
+
+PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
+"""Columns of the parts, by their names in an option."""
+
+OF_METRICS = {
+    parts[0].lower() if metric != "gospa" else metric: (metric, parts[0])
+    for metric, parts in COMPARED.items()
+}
+"""Columns of other metrics: hota, mota, idf1, gospa."""
+
+ALIASES = {"detection": "detection_rate", "error": "mean_error"}
+"""Short names of numbers of the summary."""
+
+COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_roots")
+"""Columns of a study that need nothing else; those of them that say something are the default."""
+
+INTERVAL = "95 % interval"
+"""Head of columns with confidence intervals of the value before them."""
+
+LEAST_P = 1e-4
+"""P values below are shown as such."""
+
+NARROW = 1e-9
+"""Relative width of a bracket below which one number is shown."""
+
+DIGITS, MOST_DECIMALS = 4, 6
+"""Digits of the largest value of a column, and decimals at most."""
+
+WIDE_COLUMNS = 7
+"""Columns that LaTeX sets over both columns of a page, at least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRow:
+    """One row: a tracker, or a group of jobs.
+
+    Parameters
+    ----------
+    names : tuple of str
+        What tells it from others.
+    jobs : str
+        How many runs it has, and of how many.
+    steps, order : float
+        Steps of a run, the mean, and the order p.
+    total : Interval
+        Of a run, the mean, in state units to the power p.
+    costs : mapping of str to float
+        The same of each part.
+    confidence : pair of float, optional
+        95 % interval of `value`.
+    place : str
+        The proven place.
+    p : float, optional
+        P value of the difference to the best, adjusted by Holm's method; NaN of the best itself.
+    mean_of_roots : float, optional
+        The plain mean of the values.
+    numbers : mapping of str to float
+        Other numbers: ``summary.rmse``, ``hota.HOTA``.
+    """
+
+    names: tuple[str, ...]
+    jobs: str
+    steps: float
+    order: float
+    total: Interval
+    costs: Mapping[str, float]
+    confidence: tuple[float, float] | None = None
+    place: str = ""
+    p: float | None = None
+    mean_of_roots: float | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def value(self) -> Interval:
+        """RMS-TGOSPA, (sum of the totals / sum of the steps)^(1/p)."""
+        return self.rooted(self.steps)
+
+    def rooted(self, steps: float = 1.0) -> Interval:
+        """The root of the total by so many steps."""
+        ends = ((end / steps) ** (1 / self.order) for end in (self.total.lower, self.total.upper))
+        return Interval(lower=next(ends), upper=next(ends))
+
+    def part(self, name: str) -> float:
+        """The root of a part per step."""
+        root: float = (self.costs[name] / self.steps) ** (1 / self.order)
+        return root
+
+
+def check_columns(names: Sequence[str]) -> None:
+    """Whether there are such columns.
+
+    Raises
+    ------
+    ConfigError
+        There is no such column.
+    """
+    for name in names:
+        own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
+        known = own in (*COLUMNS, *NUMBERS, *OF_METRICS) or own.startswith("rmse_by_axis.")
+        if not known:
+            there = listed([*COLUMNS, *OF_METRICS, *ALIASES, *NUMBERS], len(COLUMNS) + 12)
+            raise ConfigError(
+                f"{option('columns_of_table')} {quoted(name)}: there is no such column; there are "
+                f"{there}"
+            )
+
+
+def value_name(order: float | None, jobs: int) -> str:
+    """The name of the value per step; no `order` where several differ."""
+    return "RMS-TGOSPA" if order == 2 and jobs > 1 else "TGOSPA per step"
+
+
+def study_caption(title: str, parameters: Mapping[str, Any]) -> str:
+    """What the table shows, for a paper."""
+    about = parameters_of(parameters).replace("gamma", "\u03b3")
+    return (
+        f"{title} and its parts over runs and time steps{' (' * bool(about)}{about}"
+        f"{')' * bool(about)}. Best in bold, second best underlined."
+    )
+
+
+def study_table(
+    rows: Sequence[StudyRow],
+    heads: Sequence[str],
+    rivals: Sequence[Sequence[int]],
+    title: str,
+    asked: Sequence[str] = (),
+    caption: str = "",
+) -> Table:
+    """The table.
+
+    Parameters
+    ----------
+    rows : sequence of StudyRow
+        At least one.
+    heads : sequence of str
+        Of the names of a row.
+    rivals : sequence of sequence of int
+        Rows that compete with each other.
+    title : str
+        The head of the value.
+    asked : sequence of str
+        Names of columns; by default those that say something.
+    caption : str
+        What LaTeX says above it.
+
+    Raises
+    ------
+    ConfigError
+        There is no such column.
+    """
+    columns: dict[str, Sequence[str]] = {}
+    compared: dict[int, list[Interval]] = {}
+    for name in asked or COLUMNS:
+        for head, cells, worse in _columns(name, rows, title):
+            if asked or (any(cells) and not _says_nothing(name, cells)):
+                if worse:
+                    compared[len(heads) + len(columns)] = worse
+                columns[head] = cells
+    names = zip(*(row.names for row in rows), strict=True)
+    table: list[Sequence[str]] = [*names, *columns.values()]
+    return Table(
+        head=(*heads, *columns),
+        rows=list(zip(*table, strict=True)),
+        labels=len(heads),
+        bold=best_cells(compared, rivals),
+        underlined=best_cells(compared, rivals, place=2),
+        caption=caption,
+        is_wide=len(table) >= WIDE_COLUMNS,
+    )
+
+
+def _says_nothing(name: str, cells: Sequence[str]) -> bool:
+    """Whether a column can be left out: all have as many jobs, or rows are in the proven order."""
+    if name == "jobs":
+        return len(set(cells)) == 1
+    return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
+
+
+Column = tuple[str, Sequence[str], list[Interval]]
+"""Head, cells, and what is the least for the best; nothing where none is called best."""
+
+
+def _columns(name: str, rows: Sequence[StudyRow], title: str) -> Iterator[Column]:
+    """The column of a name."""
+    if name == "jobs":
+        yield "jobs", [row.jobs for row in rows], []
+    elif name == "tgospa":
+        values = [row.value for row in rows]
+        yield title, aligned(values, DIGITS + 1), values
+    elif name == "interval":
+        ends = [row.confidence for row in rows]
+        largest = max((high for low, high in filter(None, ends)), default=0.0)
+        found = [Interval(lower=both[0], upper=both[1]) if both else None for both in ends]
+        yield INTERVAL, [fixed(each, largest, DIGITS - 1) if each else "" for each in found], []
+    elif name in PART_COLUMNS:
+        part = PART_COLUMNS[name]
+        values = [_exact(row.part(part)) for row in rows]
+        yield PART_HEADS[PARTS.index(part)], aligned(values), []
+    elif name == "place":
+        yield "place", [row.place for row in rows], []
+    elif name == "p":
+        yield "p", ["" if row.p is None else _p_value(row.p) for row in rows], []
+    elif name == "mean_of_roots":
+        means = [row.mean_of_roots for row in rows]
+        if None not in means:
+            yield "mean of roots", [number(mean or 0.0) for mean in means], []
+    else:
+        yield _of_number(name, rows)
+
+
+def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
+    """A column of the summary, or of another metric.
+
+    Raises
+    ------
+    ConfigError
+        There is no such metric in the rows.
+    """
+    metric, part = OF_METRICS.get(name, ("", ""))
+    own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
+    path = f"{metric}.{part}" if metric else f"{SUMMARY}.{own}"
+    if metric and not any(path in row.numbers for row in rows):
+        raise ConfigError(
+            f"{option('columns_of_table', name)}: is not there; {option('with_', metric)} adds it"
+        )
+    values = [row.numbers.get(path, math.nan) for row in rows]
+    if metric:
+        low, cells = part in LOW, [other_value(part, {part: value}) for value in values]
+    else:
+        low = own in LOWER
+        cells = _shares(values) if own in SHARES else aligned([_exact(value) for value in values])
+    known = [value for value in values if value == value]
+    is_ranked = len(known) == len(values) and (metric or low or own in SHARES)
+    least = [_exact(value if low else max(known) - value) for value in values if is_ranked]
+    head = SHORT_NAMES.get(part, part) if metric else name.replace("_", " ")
+    return head, cells, least
+
+
+def _exact(value: float) -> Interval:
+    return Interval(lower=value, upper=value)
+
+
+def _shares(values: Sequence[float]) -> list[str]:
+    return [f"{100 * value:.1f} %" if value == value else "-" for value in values]
+
+
+def _p_value(p: float) -> str:
+    if p != p:
+        return "-"
+    return f"<{LEAST_P:g}" if p < LEAST_P else f"{p:.2g}"
+
+
+def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
+    """Values with as many decimals as all have."""
+    largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
+    return [fixed(value, largest, digits) for value in values]
+
+
+def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
+    """A value with so many digits as `largest` has, or both ends where they differ there."""
+    if not math.isfinite(value.upper):
+        return "-"
+    decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
+    form = f",.{decimals}f"
+    if largest >= THOUSANDS or decimals > MOST_DECIMALS:
+        form = f".{digits - 1}e"
+    low, high = (f"{end:{form}}" for end in (value.lower, value.upper))
+    is_one = value.upper - value.lower <= NARROW * value.upper
+    return high if low == high or is_one else f"{low} to {high}"
+
+
+def costs_table(
+    rows: Sequence[StudyRow], heads: Sequence[str], rivals: Sequence[Sequence[int]]
+) -> Table:
+    """TGOSPA, total and parts of a run, means where there are several; in state units^p."""
+    roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
+    cells = [
+        (
+            *row.names,
+            *(between(value) for value in (root, row.total)),
+            *(number(row.costs[part], 5) for part in PARTS),
+        )
+        for row, root in zip(rows, roots, strict=True)
+    ]
+    return Table(
+        head=(*heads, "TGOSPA", "total", *PART_HEADS),
+        rows=cells,
+        labels=len(heads),
+        bold=best_cells({len(heads): roots, len(heads) + 1: totals}, rivals),
+    )
+
+
+def between(value: Interval) -> str:
+    """One number if both ends are the same as they are shown, else both."""
+    texts = [f"{end:,.6g}" for end in (value.lower, value.upper)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
