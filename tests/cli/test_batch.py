@@ -240,7 +240,7 @@ def test_names_that_are_no_text(invoke: Invoke, runs: Path) -> None:
     os.rename("out/a", b"out/\xff")
     answer = batch(invoke, "--by", "tracker", "--reports")
     assert answer.status == 0
-    assert r"Proven order of these files by combined, best first: \udcff, b" in answer.out
+    assert r"Proven order of these files by RMS-TGOSPA, best first: \udcff, b" in answer.out
     address = re.search(r'href="(reports/[^"]*udcff/0/[^"]*)"', Path("r/report.html").read_text())
     assert address is not None
     assert Path("r", unquote(address[1])).is_file()

@@ -36,8 +36,8 @@ def words(path: str) -> str:
 def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -> None:
     assert invoke(*BATCH, "--reports", "--per-step").status == 5
     text = words("r/report.html")
-    assert "a: TGOSPA 1 m per step 6 jobs all exact 1 failed" in text
-    assert "Proven order of these files by the combined value, best first: a, b" in text
+    assert "a: RMS-TGOSPA 1 m 6 jobs all exact 1 failed" in text
+    assert "Proven order of these files by RMS-TGOSPA, best first: a, b" in text
     assert "Values are those of the 2 jobs that all have, of 3" in text
     assert "run a b 0 1.000 2.000 1 1.000 2.000 2 1.000 failed" in text
     assert "b/2 out/b/2.csv, line 1: no column for position" in text

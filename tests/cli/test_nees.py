@@ -313,7 +313,7 @@ def test_a_batch_says_it_by_tracker(invoke: Invoke) -> None:
     asked = (*asked, "--by", "tracker", *METRIC[:-2], *GAUSSIAN, "-o", "out")
     text = " ".join(invoke(*asked).out.split())
     assert text.index("best first: sure, right") < text.index("warning: sure: covariances are")
-    assert text.index("covariances make this order") < text.index("tracker jobs combined")
+    assert text.index("covariances make this order") < text.index("tracker RMS-TGOSPA")
     assert "overconfident" in text
     document = json.loads(invoke(*asked, "--format", "json").out)
     assert any("covariances make this order" in note for note in document["notes"])

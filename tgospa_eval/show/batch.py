@@ -927,7 +927,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
-        yield "place: proven by the brackets, on these files"
+        yield "the order and places are proven by the brackets, on these files"
     for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
         yield (
             f"p, for {others} drawn as these were: of the difference to the best, by a two-sided "

@@ -372,6 +372,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
     kind = "table*" if table.is_wide else "table"
     if table.caption:
         yield from (rf"\begin{{{kind}}}", r"\centering", rf"\caption{{{latex(table.caption)}}}")
+        yield r"\small\setlength{\tabcolsep}{3pt}"
     yield rf"\begin{{tabular}}{{{''.join(sides)}}}"
     yield r"\toprule"
     for k, cells in enumerate(_cells(table, latex, bold, r"\underline{{{}}}"), start=-1):

@@ -246,10 +246,12 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
         "Ranking of 4 estimates; to compare solvers on one: tgospa-eval compare "
     )
     assert "Proven order of these files by TGOSPA per step, best first: good = twin, " in shown
-    assert re.search(r"^  twin +1= ", shown, re.MULTILINE)
+    assert re.search(r"^  twin .* 1=$", shown, re.MULTILINE)
     assert re.search(r"^  vs good .*\n  twin +\+0 +equal ", shown, re.MULTILINE)
     latex = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q", "--format", "latex").out
-    assert re.findall(r"textbf{([a-z]+)}", latex) == ["good", "twin"]
+    bold = re.findall(r"^([a-z]+) & \\textbf", latex, re.MULTILINE)
+    assert bold == ["good", "twin"] * 2  # RMS-TGOSPA and costs
+    assert re.findall(r"^([a-z]+) & \\underline", latex, re.MULTILINE) == []  # the second is third
 
 
 def test_equal_data_are_equal_whatever_the_brackets_are(
@@ -310,10 +312,9 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     assert pair["standard_error"] == pytest.approx((5 - 7 / 3) / 2)
     assert pair["first_less"] == 2
     latex = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "latex").out
-    assert (
-        r"per step, RMS of 2 & place & TGOSPA & localisation & missed & false & switch \\" in latex
-    )
-    assert rf"\textbf{{{(5 / 3) ** 0.5:.6g}}}" in latex
+    assert r"estimate & RMS-TGOSPA & local. & missed & false & switch \\" in latex
+    assert rf"a & \textbf{{{(5 / 3) ** 0.5:.4f}}}" in latex
+    assert r"b & \underline{" in latex
 
 
 def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:
@@ -347,9 +348,9 @@ def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -
         [item["normalised"]["tgospa"] for item in document["estimates"]]
     )
     lines = invoke(*call, "-q").out.splitlines()
-    head = next(line for line in lines if "place" in line)
-    assert head.split()[:6] == ["per", "step,", "RMS", "of", "2", "place"]
-    assert lines[lines.index(head) + 1].split()[:3] == ["a", "1", "0.894427"]
+    head = next(line for line in lines if "local." in line)
+    assert head.split()[:3] == ["estimate", "RMS-TGOSPA", "local."]
+    assert lines[lines.index(head) + 1].split()[:2] == ["a", "0.8944"]
 
 
 @pytest.mark.parametrize("grid", ["estimate", "common"])

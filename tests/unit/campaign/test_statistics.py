@@ -249,7 +249,9 @@ def test_runs_of_one_truth_count_once() -> None:
     rows["truth"] = "gt"  # one truth alone: its runs are what is drawn
     ranking = only(tabulated(rows, ["tracker"]))
     assert (ranking.jobs, ranking.pairs) == (12, 12)
-    assert "statistical place, for other runs on this truth" in words(tabulated(rows, ["tracker"]))
+    assert "p, for other runs on this truth drawn as these were" in words(
+        tabulated(rows, ["tracker"])
+    )
 
 
 def test_ties_share_their_places() -> None:
@@ -258,10 +260,9 @@ def test_ties_share_their_places() -> None:
         ("a", (1, 1)), ("b", (1, 1)), ("c", (3, 3))
     ]  # fmt: skip
     text = batch_report(tables, "table")
-    assert "Proven order of these files by combined, best first: a = b, c (8 jobs each)" in text
-    assert [line.split()[:2] for line in text.splitlines() if " 1= " in line] == [
-        ["a", "1="], ["b", "1="]
-    ]  # fmt: skip
+    assert "Proven order of these files by RMS-TGOSPA, best first: a = b, c (8 jobs each)" in text
+    rows = [line.split() for line in text.splitlines() if line.endswith(" 1=")]
+    assert [(row[0], row[-1]) for row in rows] == [("a", "1="), ("b", "1=")]
     assert "no significant difference at the top between a, b" in text
     # Equal data have equal values, whatever the brackets are.
     rows = table({"a": A, "b": A}, width=3.0, **{"input.estimate.sha256": "1"})
@@ -298,9 +299,11 @@ def test_parameters_are_ranked_apart() -> None:
     ]  # fmt: skip
     assert [ranking.entries[0]["name"] for ranking in tables.rankings] == ["a", "b"]
     text = batch_report(tables, "table")
-    assert "cutoff 9: Proven order of these files by combined" in text
-    heads = [line.split()[:3] for line in text.splitlines() if line.startswith("  vs ")]
-    assert heads == [["vs", "a", "cutoff"], ["vs", "b", "cutoff"]]
+    assert "cutoff 9: Proven order of these files by RMS-TGOSPA" in text
+    lines = text.splitlines()
+    begin = next(k for k, line in enumerate(lines) if line.startswith("  tracker  cutoff"))
+    rows = [line.split() for line in lines[begin + 1 : begin + 5]]
+    assert [row[:2] for row in rows] == [["a", "5"], ["b", "5"], ["b", "9"], ["a", "9"]]
 
 
 def test_other_parameters_are_other_groups_too() -> None:
@@ -329,7 +332,7 @@ def test_other_parameters_are_other_groups_too() -> None:
     ]
     assert {item.left_out for item in tables.rankings} == {("c",)}
     assert (
-        "grid truth, scale x=2,y=1, unit km: Proven order of these files by combined, best "
+        "grid truth, scale x=2,y=1, unit km: Proven order of these files by TGOSPA per step, best "
         "first: b, a" in words(tables)
     )
 
@@ -378,8 +381,10 @@ def test_mean_of_roots_is_taken_when_asked_for() -> None:
     plain, asked = tabulated(rows, ["tracker"]), tabulated(rows, ["tracker"], roots=True)
     assert "mean_of_roots" not in plain.groups
     assert asked.groups["mean_of_roots"].tolist() == [3.5]
-    assert "no mean of roots is taken" in words(plain)
-    assert "mean of roots: the plain mean of the values, which is none of these" in words(asked)
+    assert "mean of roots" not in words(plain)
+    assert "mean of roots: the plain mean of the values" in words(asked)
+    line = next(line for line in batch_report(asked, "table").splitlines() if line[2:3] == "a")
+    assert line.split()[-1] == "3.5"
 
 
 def bold(tables: BatchTables) -> dict[str, list[tuple[str, list[str]]]]:
@@ -403,22 +408,19 @@ def test_best_values_are_bold_in_all_tables_in_latex() -> None:
     columns = {f"with.clear.{name}": values for name, values in others.items()}
     columns |= {"with.similarity.zero": [1.0, 1.0], "with.similarity.threshold": [0.5, 0.5]}
     groups = tables.groups.assign(**columns)
-    values = ["combined", "per step", "RMS"]
     assert bold(replace(tables, groups=groups)) == {
-        "RMS": [("a", values)],
-        "switch": [("a", ["total"])],
-        "per step": [("a", ["tracker", "proven place", "combined", "per step"])],
-        "statistical place": [],
+        "p": [("a", ["RMS-TGOSPA"])],
+        "switch": [("a", ["TGOSPA", "total"])],
         "IDSW": [("a", ["MOTP"]), ("b", ["MOTA", "IDSW"])],
     }
     each = tabulated(rows, ["tracker", "sequence"])
-    assert len(bold(each)["RMS"]) == 8  # the best of each sequence
+    assert len(bold(each)["switch"]) == 8  # the best of each sequence
 
 
 def test_nothing_is_bold_that_is_not_proven_to_be_best() -> None:
     few = failed(table({"a": A, "b": A * 2}), [0])
-    assert bold(tabulated(few, ["tracker"]))["RMS"] == []  # sums of other jobs
-    assert bold(tabulated(few, ["tracker"]))["per step"] != []
+    assert bold(tabulated(few, ["tracker"]))["switch"] == []  # sums of other jobs
+    assert bold(tabulated(few, ["tracker"]))["p"] == [("a", ["RMS-TGOSPA"])]  # the common ones
     for rows, by in (
         (table({"a": A, "b": A + 5}, width=30.0), "tracker"),
         (table({"a": A, "b": A}), "tracker"),
@@ -427,7 +429,7 @@ def test_nothing_is_bold_that_is_not_proven_to_be_best() -> None:
         assert not any(bold(tabulated(rows, [by])).values())
     both = pd.concat([table({"a": A, "b": B}), table({"a": B, "b": A}, cutoff=9.0)])
     tables = tabulated(both.reset_index(drop=True), ["tracker"])
-    assert [name for name, _ in bold(tables)["RMS"]] == ["a", "b"]  # one for each cutoff
+    assert [name for name, _ in bold(tables)["p"]] == ["a", "b"]  # one for each cutoff
 
 
 def test_hostile_labels() -> None:
@@ -446,7 +448,8 @@ def test_a_label_may_be_called_like_a_column() -> None:
     tables = tabulated(rows, ["jobs"])
     assert tables.groups["label.jobs"].tolist() == ["a", "b"]
     assert tables.groups["jobs"].tolist() == [8, 8]
-    assert "  jobs  jobs  combined" in batch_report(tables, "table")
+    assert "  jobs  RMS-TGOSPA" in batch_report(tables, "table")
+    assert "  jobs  jobs  RMS" in batch_report(replace(tables, columns=("jobs", "tgospa")), "table")
 
 
 def test_open_jobs_are_counted() -> None:
