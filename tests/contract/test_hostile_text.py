@@ -78,7 +78,8 @@ def check_latex(text: str) -> None:
     """No command but those of a table; comments end where ours do."""
     live = [line for line in text.split("\n") if not line.startswith("% ")]
     known = (
-        r"\\begin{tabular}{l?r*}|\\end{tabular}|\\(top|mid|bottom)rule"
+        r"\\begin{tabular}{l?r*}|\\(begin|end){table\*?}|\\end{tabular}|\\(top|mid|bottom)rule"
+        r"|\\centering|\\caption{|\\small\\setlength{\\tabcolsep}|\\underline{|\\ensuremath{\\gamma}"
         r"|\\text(bf{|backslash{}|ascii\w+{}|less{}|greater{})|\\[&%$#_{}]|\\\\$"
     )
     for line in live:

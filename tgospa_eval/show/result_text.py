@@ -480,6 +480,7 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "csv": lambda result: csv_text(result.table("per_step")),
     "markdown": lambda result: WRITERS["markdown"](document(result)),
     "latex": lambda result: WRITERS["latex"](document(result)),
+    "siunitx": lambda result: WRITERS["siunitx"](document(result)),
     "methods": methods,
 }
 """What ``--format`` prints of a result; a member needs a line in the docs."""
