@@ -80,7 +80,7 @@ def test_a_shard_leaves_the_page_to_the_report(invoke: Invoke, runs: Path) -> No
 
 def test_pictures(invoke: Invoke, runs: Path) -> None:
     answer = invoke(*BATCH, "--per-step", "--pictures", "svg", "--style", "paper")
-    assert "wrote 2 files and 4 pictures to r/" in answer.err
+    assert "wrote 2 files and 5 pictures to r/" in answer.err
     for name in ("parts", "heat", "curve", "curve-parts"):
         assert Path(f"r/{name}.svg").read_bytes().startswith(b"<?xml")
     answer = invoke("batch", "report", "r", "-o", "r", "--pictures", "none")

@@ -169,12 +169,22 @@ def test_curves_of_a_monte_carlo_study_are_those_of_a_script(
         for path, text in zip(paths, texts, strict=True):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        results.append(
-            tgospa_eval.evaluate(*map(str, paths), cutoff=10, switch_penalty=3, curve=True)
-        )
+        metric: dict[str, Any] = {"cutoff": 10, "switch_penalty": 3, "with_": "gospa"}
+        results.append(tgospa_eval.evaluate(*map(str, paths), curve=True, **metric))
         stamps.append(set(pd.read_csv(paths[0])["t"]))
     patterns = ("--truth", "mc/{run}/truth.csv", "--estimate", "mc/{run}/m{who}.csv")
-    steps = ("--per-step", "--curve", "--by", "who", "--pictures", "none", "--format", "json")
+    steps = (
+        "--per-step",
+        "--curve",
+        "--with",
+        "gospa",
+        "--by",
+        "who",
+        "--pictures",
+        "none",
+        "--format",
+        "json",
+    )
     answer = invoke("batch", *patterns, "-o", "r", "--workers", "1", "-c", "10", "-g", "3", *steps)
     curves = json.loads(answer.out)["curves"]
     table = {curve["curve"]: pd.DataFrame(curve["points"]) for curve in curves}
@@ -190,6 +200,47 @@ def test_curves_of_a_monte_carlo_study_are_those_of_a_script(
             values[k] = own.get(t, values[k])
             mean += values[k] ** 2.0
         assert rms == (mean / len(results)) ** 0.5
+    powers = sum(table["growing"][part] ** 2 for part in PARTS)
+    assert powers.tolist() == pytest.approx((table["growing"]["rms"] ** 2).tolist())
+    check_counts(table["step"], results)
+    costs = sum(table["step"][f"gospa_{part}"] ** 2 for part in PARTS[:3])
+    assert costs.tolist() == pytest.approx((table["step"]["gospa"] ** 2).tolist())
+    total = sum(result.with_["gospa"]["total"] for result in results)
+    assert (table["step"]["gospa"] ** 2).sum() == pytest.approx(total / len(results))
+    assert (table["step"]["gospa"] <= table["step"]["rms"] * (1 + 1e-12)).all()
+    for column in ("gospa_missed", "detection_rate"):
+        assert table["growing"].get(column) is None
+
+
+def check_counts(points: pd.DataFrame, results: list[Any]) -> None:
+    """Cardinality and detection rate at each time, from files and assignments alone."""
+    sides = [
+        pd.concat([pd.read_csv(path) for path in sorted(Path("mc").glob(f"*/{name}.csv"))])
+        for name in ("truth", "mine")
+    ]
+    truth, estimate = (side.groupby("t").size() for side in sides)
+    assigned = pd.concat([result.assignments for result in results]).groupby("t").size()
+    at = points["t"].tolist()
+    for name, counts in (("truth_states", truth), ("estimate_states", estimate)):
+        means = counts.reindex(at, fill_value=0) / len(results)
+        assert points[name].tolist() == pytest.approx(means.tolist())
+    rate = (assigned.reindex(at, fill_value=0) / truth.reindex(at)).tolist()
+    assert points["detection_rate"].tolist() == pytest.approx(rate, nan_ok=True)
+
+
+def test_a_store_without_counts_has_its_costs(invoke: Invoke, runs: Path) -> None:
+    """One that was made before they were stored."""
+    batch(invoke, "--per-step", "--pictures", "none")
+    (path,) = Path("r/per_step").glob("*.parquet")
+    table = pd.read_parquet(path)
+    costs = ["key", "finished", "step", "t", "steps", *PARTS, "total"]
+    curve = [f"curve.{name}" for name in ("tgospa", "lower_bound", "upper_bound")]
+    table[costs + curve].to_parquet(path)
+    answer = invoke("batch", "report", "r", "-o", "other", "-q")
+    assert answer.status == 0
+    old, new = pd.read_csv("other/curve.csv"), pd.read_csv("r/curve.csv")
+    pd.testing.assert_frame_equal(old, new[list(old)])
+    assert {*new} - {*old} == {"truth_states", "estimate_states", "detection_rate"}
 
 
 def test_a_false_alarm_before_the_truth_shifts_no_run(

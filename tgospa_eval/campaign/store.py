@@ -31,6 +31,7 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.common.writing import STORE, STORE_SCHEMA, take_lock, writing
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.loading import reason_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
@@ -55,13 +56,29 @@ COST_COLUMNS = ("total", *PARTS)
 
 CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
+CURVE_PARTS = tuple(f"curve.{part}" for part in PARTS)
+"""Costs of the steps up to each, per step, with the same."""
+
+GOSPA_COLUMNS = ("gospa", "gospa.localisation", "gospa.missed", "gospa.false")
+
+STATE_COLUMNS = ("truth_states", "estimate_states", "assigned_states")
+
+NEES_COLUMNS = ("nees.total", "nees.pairs")
+
 OF_STEPS = {
     **dict.fromkeys(("key", "t"), TEXT),
     **dict.fromkeys(("finished", "step", "steps"), COUNT),
     **dict.fromkeys(COST_COLUMNS, COST),
     **dict.fromkeys(CURVE_COLUMNS, or_null(COST)),
 }
-"""Columns of steps."""
+"""Columns of all steps."""
+
+OF_SOME_STEPS = dict.fromkeys(
+    (*CURVE_PARTS, *GOSPA_COLUMNS, *STATE_COLUMNS, *NEES_COLUMNS), or_null(COST)
+)
+"""Columns that some steps have."""
+
+NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
 ANEW = "delete the file, and batch does its jobs again"
 """What to do with a part that is wrong."""
@@ -105,8 +122,9 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
         "total": parts.sum(axis=0),
         **{
             name: np.array(curve[name.removeprefix("curve.")], float) if curve else missing
-            for name in CURVE_COLUMNS
+            for name in (*CURVE_COLUMNS, *CURVE_PARTS)
         },
+        **(result.step_numbers() if isinstance(result, PairEvaluation) else {}),
     }
     return {STEPS: steps, STORED_STEPS: len(steps["t"]), STORED_CURVE: bool(curve)}
 
@@ -126,9 +144,10 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
         "step": np.concatenate([np.arange(1, size + 1, dtype=np.int32) for size in lengths]),
         "t": pa.array([t for row in having for t in row[STEPS]["t"]], pa.string()),
     }
-    for name in [name for name in having[0][STEPS] if name != "t"]:
-        values = np.concatenate([row[STEPS][name] for row in having])
-        columns[name] = pa.array(values, from_pandas=name.startswith("curve."))
+    for name in dict.fromkeys(name for row in having for name in row[STEPS] if name != "t"):
+        each = zip((row[STEPS].get(name) for row in having), lengths, strict=True)
+        values = [np.full(size, np.nan) if own is None else own for own, size in each]
+        columns[name] = pa.array(np.concatenate(values), from_pandas=name in NULLABLE)
     return pa.table(columns)
 
 
@@ -140,7 +159,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     DataFrame
         Of each step ``job``, the number of its row; ``steps``, how many of the horizon are no
         later; ``t`` as read; `COST_COLUMNS`; and `CURVE_COLUMNS`, NaN where they were not asked
-        for.
+        for; of `OF_SOME_STEPS` those that there are.
 
     Raises
     ------
@@ -158,10 +177,11 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     for path in sorted(folder.glob("part-*.parquet")):
         with read_part(path), pq.ParquetFile(path) as file:
             read = file.read()
-            wrong = column_fault(read, OF_STEPS)
+            some = {k: kind for k, kind in OF_SOME_STEPS.items() if k in read.column_names}
+            wrong = column_fault(read, OF_STEPS | some)
             if wrong:
                 raise ValueError(wrong)
-            table = read.select(list(OF_STEPS)).to_pandas()
+            table = read.select([*OF_STEPS, *some]).to_pandas()
             # A job is looked up once, where it begins.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():

@@ -34,14 +34,21 @@ from tgospa_eval.campaign.statistics import (
     confidence,
     rare_intervals,
 )
-from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
+from tgospa_eval.campaign.store import (
+    COST_COLUMNS,
+    CURVE_COLUMNS,
+    CURVE_PARTS,
+    GOSPA_COLUMNS,
+    NEES_COLUMNS,
+    STATE_COLUMNS,
+)
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.results.consistency import STORED_NEES
+from tgospa_eval.results.consistency import NEES, STORED_NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import SUMMARY, pooled
@@ -397,8 +404,7 @@ def rms_curves(
         try:
             jobs = group.index[counts].to_numpy()
             made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
-            for kind, runs, found_lines, bounds in made:
-                lines = dict(zip(COST_COLUMNS, found_lines, strict=False))
+            for kind, runs, lines, means, bounds in made:
                 found.append(
                     RmsCurve(
                         group=labels,
@@ -407,6 +413,7 @@ def rms_curves(
                         runs=runs.present.tolist(),
                         rms={name: rms for name, (rms, _) in lines.items()},
                         bands={name: band for name, (_, band) in lines.items() if band},
+                        means=means,
                         bounds=bounds,
                         band=band,
                     )
@@ -427,7 +434,7 @@ def _curves(
     order: float,
     shown: tuple[BandKind, str | None],
     notes: list[str],
-) -> Iterator[tuple[CurveKind, "_Runs", list[Line], Bounds | None]]:
+) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
     """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
@@ -442,8 +449,16 @@ def _curves(
             f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
         )
     costs = runs.columns(COST_COLUMNS)
-    yield "step", runs, [runs.line(row, carried=False) for row in costs], None
-    yield "cumulative", runs, [runs.line(row, carried=True) for row in runs.so_far(costs)], None
+    each, so_far = (
+        {
+            name: runs.line(row, carried=carried)
+            for name, row in zip(COST_COLUMNS, rows, strict=True)
+        }
+        for rows, carried in ((costs, False), (runs.so_far(costs), True))
+    )
+    each |= {name: (runs.rms(row, carried=False), None) for name, row in runs.known(GOSPA_COLUMNS)}
+    yield "step", runs, each, _means(runs), None
+    yield "cumulative", runs, so_far, {}, None
     traced = steps[steps[CURVE_COLUMNS[0]].notna()]
     if not len(traced):
         return
@@ -454,8 +469,28 @@ def _curves(
     runs = _Runs(traced, jobs[having], order, *shown)
     powers = [[value**order for value in own] for own in runs.columns(CURVE_COLUMNS).tolist()]
     value, lower, upper = np.array(powers)
-    line = runs.line(value, (lower, upper), carried=True)
-    yield "growing", runs, [line], (runs.rms(lower, carried=True), runs.rms(upper, carried=True))
+    lines = {"total": runs.line(value, (lower, upper), carried=True)}
+    for name, row in runs.known(CURVE_PARTS):
+        lines[name.removeprefix("curve.")] = runs.line(row, carried=True)
+    ends = runs.rms(lower, carried=True), runs.rms(upper, carried=True)
+    yield "growing", runs, lines, {}, ends
+
+
+def _means(runs: "_Runs") -> dict[str, list[float]]:
+    """Cardinality, detection rate and NEES at each time; NaN where there is nothing."""
+    sums = {
+        name: runs.sums(row, carried=False)
+        for name, row in runs.known((*STATE_COLUMNS, *NEES_COLUMNS))
+    }
+    found: dict[str, Floats] = {}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if len(sums) >= len(STATE_COLUMNS):
+            truth, _, assigned = (sums[name] for name in STATE_COLUMNS)
+            found = {name: sums[name] / runs.present for name in STATE_COLUMNS[:2]}
+            found["detection_rate"] = assigned / truth
+        if NEES_COLUMNS[0] in sums:
+            found[NEES] = sums[NEES_COLUMNS[0]] / sums[NEES_COLUMNS[1]]
+    return {name: values.tolist() for name, values in found.items()}
 
 
 def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, usual: float) -> Floats:
@@ -540,6 +575,12 @@ class _Runs:
     def columns(self, names: Sequence[str]) -> Floats:
         """Columns (M, R) of the steps."""
         return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
+
+    def known(self, names: Sequence[str]) -> Iterator[tuple[str, Floats]]:
+        """Those of the columns (R,) that all steps have."""
+        for name in names:
+            if name in self.steps and self.steps[name].notna().all():
+                yield name, self.columns([name])[0]
 
     @cached_property
     def apart(self) -> bool:

@@ -1,9 +1,5 @@
 """The evaluation of one pair of sides, and the sum of those of classes that never meet.
 
-from collections.abc import Mapping
-from dataclasses import field
-from functools import cached_property
-from typing import TYPE_CHECKING
 Knows no solver and no file.
 """
 
@@ -21,6 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.summary import Tracked, summarise
 from tgospa_eval.evaluation.uniqueness import is_unique
+from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.solution import (
     Bounds,
@@ -36,6 +33,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.records import (
     PARTS,
+    Arrays,
     Columns,
     Costs,
     Json,
@@ -148,6 +146,37 @@ class PairEvaluation(Evaluation):
         table = {"id": list(ids)} | as_lists(track_columns(k, steps, costs, self.scale))
         side = ("truth", "estimate")[k]
         return table | self._of_assigned(side, len(ids)) | self.summarised.columns(f"per_{side}")
+
+    def step_numbers(self) -> Arrays:
+        """Counts of states, and other metrics that add up, of each step, (T,) each.
+
+        ``truth_states``, ``estimate_states`` and ``assigned_states`` as in the summary;
+        ``nees.total`` of ``nees.pairs`` pairs, where there are covariances; ``gospa`` and its parts
+        in state units to the power p, where that was asked for.
+        """
+        size, tracked = len(self.labels.times), Tracked.of(self.proof)
+        step, weight = tracked.truth.step, tracked.weight
+        numbers: dict[str, Floats] = {
+            "truth_states": np.bincount(step, minlength=size).astype(float),
+            "estimate_states": np.bincount(tracked.estimate.step, minlength=size).astype(float),
+            "assigned_states": sum_by(step[tracked.at], weight, size),
+        }
+        if NEES in self.assigned:
+            found, nees = (
+                read_assigned(self.proof.states, self.proof.weights),
+                self.assigned[NEES],
+            )
+            known = ~np.isnan(nees)
+            of_step, mass = found.step[known], found.weight[known]
+            numbers[f"{NEES}.total"] = sum_by(of_step, mass * nees[known], size)
+            numbers[f"{NEES}.pairs"] = sum_by(of_step, mass, size)
+        if "gospa" in self.with_:
+            _, *parts = per_step_gospa(self.proof.states.problem)
+            costs = self.scale * np.array(parts)
+            numbers["gospa"] = costs.sum(axis=0)
+            names = (f"gospa.{name}" for name in PARTS[:3])
+            numbers |= dict(zip(names, costs, strict=True))
+        return numbers
 
     def _per_step(self) -> Columns:
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))

@@ -4,6 +4,7 @@ Proven is what holds for these files; statistical is what they say of others lik
 and pictures are made of this.
 """
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
-from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
+from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
@@ -76,6 +77,13 @@ LINE_NAMES = {
     "missed": "RMS missed target error",
     "false": "RMS false target error",
     "switch": "RMS track switch error",
+    "gospa": "RMS GOSPA",
+    "gospa.localisation": "RMS GOSPA localisation",
+    "gospa.missed": "RMS GOSPA missed target",
+    "gospa.false": "RMS GOSPA false target",
+    "estimate_states": "cardinality",
+    "detection_rate": "detection rate",
+    NEES: "NEES",
 }
 """What is drawn of a curve, as papers call it."""
 
@@ -118,13 +126,16 @@ class RmsCurve:
         How many count at each time.
     rms : mapping of str to sequence of float
         Root mean squares at the K times, in state units: of the whole cost, ``total``, and of its
-        parts by name; the whole alone where each point is an evaluation of its own.
+        parts by name; of the costs per time step also ``gospa`` and ``gospa.PART``.
     bands : mapping of str to pair of sequence of float
         What is around each; empty where there are too few runs.
     bounds : pair of sequence of float, optional
         Proven bounds of the values; None where costs are of one assignment.
     band : str
         What the bands are, one of `BANDS`.
+    means : mapping of str to sequence of float
+        Of the costs per time step: ``truth_states`` and ``estimate_states`` of a run,
+        ``detection_rate`` and ``nees`` of all; NaN where there is nothing.
     """
 
     group: Mapping[str, str]
@@ -135,6 +146,11 @@ class RmsCurve:
     bands: Mapping[str, Band]
     bounds: tuple[Sequence[float], Sequence[float]] | None
     band: BandKind
+    means: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    def values(self, name: str) -> Sequence[float]:
+        """A line of the curve, costs or means."""
+        return self.rms[name] if name in self.rms else self.means[name]
 
     @property
     def name(self) -> str:
@@ -144,7 +160,8 @@ class RmsCurve:
     def top(self, name: str) -> float:
         """The largest value of the whole cost or a part, with its band."""
         ends = self.bands[name][1] if name in self.bands else ()
-        return max((*self.rms[name], *(end for end in ends if end is not None)))
+        known = [value for value in self.values(name) if value == value]
+        return max((*known, *(end for end in ends if end is not None)), default=0.0)
 
     def table(self) -> Columns:
         """A row for each time."""
@@ -157,7 +174,11 @@ class RmsCurve:
         columns: list[Sequence[object]] = [range(1, size + 1), self.times, self.runs]
         columns += [rms, *(self.bounds or (none, none)), *band]
         columns += [column for part in PARTS for column in each.get(part, (none,) * 3)]
-        return {name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)}
+        more = {name.replace(".", "_"): self.rms[name] for name in self.rms if name[:5] == "gospa"}
+        return {
+            **{name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)},
+            **{name: or_none(np.array(values)) for name, values in (more | {**self.means}).items()},
+        }
 
 
 def on_one_axis(
@@ -185,12 +206,16 @@ def on_one_axis(
 def curves_csv(curves: Sequence[RmsCurve]) -> str:
     """All curves in one table."""
     table: Columns = {}
+    rows = 0
     for curve in curves:
         own = curve.table()
         size = len(curve.times)
         labels = {name: [value] * size for name, value in curve.group.items()}
         for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
-            table.setdefault(name, []).extend(column)
+            table.setdefault(name, [*itertools.repeat(None, rows)]).extend(column)
+        rows += size
+        for each in table.values():  # not all curves have all columns
+            each.extend(itertools.repeat(None, rows - len(each)))
     return csv_text(table)
 
 

@@ -52,6 +52,7 @@ _RESULT = {
 _CURVES = {
     "curve": Chart("several:draw_curves"),
     "curve-parts": Chart("several:draw_curve_parts"),
+    "over-time": Chart("several:draw_over_time"),
 }
 
 CHARTS: Mapping[str, Mapping[str, Chart]] = {

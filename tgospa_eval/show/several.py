@@ -17,6 +17,7 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
+from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
@@ -392,6 +393,9 @@ MOST_BARS = 40
 PANEL = 0.62
 """Height of one of many panels, of one that is alone."""
 
+WIDE = 5.0
+"""Inches from which on panels stand in two columns."""
+
 ROW = 0.21
 """Inches of a row with letters."""
 
@@ -481,6 +485,53 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     return made
 
 
+def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
+    """What there is of each group over time in one figure: costs per step, counts, NEES."""
+    curves = [(track, curve) for track, curve in tables.drawn_curves if curve.kind == "step"]
+    lines = [
+        name
+        for name in LINE_NAMES
+        if any(name in curve.rms or name in curve.means for _, curve in curves)
+    ]
+    if not curves:
+        return None
+    across = 1 if style.width < WIDE else 2  # columns
+    down = -(-len(lines) // across)
+    made, axes = figure(style.width, PANEL * style.low * down, down, across)
+    clock, places, ends = on_one_axis([curve for _, curve in curves])
+    drawn: dict[str, Artist] = {}
+    for k, axis in enumerate(axes.T.flat):
+        if k >= len(lines):
+            axis.set_visible(False)
+            continue
+        name, top = lines[k], 0.0
+        for (track, curve), at in zip(curves, places, strict=True):
+            if name in curve.rms or name in curve.means:
+                group = literal(curve.name or "all jobs")
+                drawn[group] = _draw_line(axis, at, curve, name, track)
+                top = max(top, curve.top(name))
+            if name == "estimate_states" and name in curve.means:
+                truth = curve.means["truth_states"]
+                looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
+                drawn["truth"] = axis.plot(at, truth, **looks)[0]
+                top = max(top, *truth)
+        if name == NEES:  # what it is where covariances are right
+            rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
+            components = next(sums.components for sums in rows if sums is not None)
+            axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
+            top = max(top, components)
+        axis.set_ylim(0, ROOM * top or 1.0)
+        name_times(axis, clock, ends, style.width / across)
+        about = LINE_NAMES[name].removesuffix(" error")
+        has_unit = tables.unit and name not in ("estimate_states", "detection_rate", NEES)
+        about += f" ({literal(tables.unit)})" if has_unit else ""
+        axis.set_title(about, fontsize="medium", loc="left", parse_math=False)
+        if (k + 1) % down and k + 1 < len(lines):
+            axis.set_xlabel("")
+    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    return made
+
+
 def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
     """The same of the parts."""
     return draw_curves(tables, style, parts=True)
@@ -497,7 +548,7 @@ def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -
         "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
     }
     looks |= {"marker": "o"} if len(at) == 1 else {}
-    return axis.plot(at, curve.rms[name], clip_on=False, **looks)[0]
+    return axis.plot(at, curve.values(name), clip_on=False, **looks)[0]
 
 
 def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
