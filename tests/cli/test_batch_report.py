@@ -84,7 +84,7 @@ def test_pictures(invoke: Invoke, runs: Path) -> None:
     for name in ("parts", "heat", "curve", "curve-parts"):
         assert Path(f"r/{name}.svg").read_bytes().startswith(b"<?xml")
     answer = invoke("batch", "report", "r", "-o", "r", "--pictures", "none")
-    assert "removed 4 of the run before" in answer.err
+    assert "removed 5 of the run before" in answer.err
     assert invoke("batch", "report", "r", "-o", "r", "--pictures", "bmp").status == 2
 
 
