@@ -393,8 +393,8 @@ MOST_BARS = 40
 PANEL = 0.62
 """Height of one of many panels, of one that is alone."""
 
-WIDE = 5.0
-"""Inches from which on panels stand in two columns."""
+MOST_BELOW = 4
+"""Panels one below the other; more are in two columns."""
 
 ROW = 0.21
 """Inches of a row with letters."""
@@ -456,7 +456,8 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     if parts:
         made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
         for axis, kind in zip(axes[0], kinds, strict=True):
-            axis.set_title(CURVE_KINDS[kind], fontsize="medium", loc="left")
+            about = CURVE_KINDS[kind].replace(" up to", "\nup to" if len(kinds) > 2 else " up to")
+            axis.set_title(about, fontsize="medium", loc="left")
     else:
         made, axes = figure(style.width, style.low * len(kinds), len(kinds))
         axes = axes.T
@@ -495,7 +496,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
     ]
     if not curves:
         return None
-    across = 1 if style.width < WIDE else 2  # columns
+    across = 2 if len(lines) > MOST_BELOW else 1
     down = -(-len(lines) // across)
     made, axes = figure(style.width, PANEL * style.low * down, down, across)
     clock, places, ends = on_one_axis([curve for _, curve in curves])
