@@ -28,8 +28,9 @@ from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.formats.fields import EXACT_BELOW
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
-from tgospa_eval.problem.states import ONE, States, changes, spare
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.states import ONE, changes, spare
+from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
     AND_MORE,
     BETWEEN_EDGES,
@@ -532,7 +533,7 @@ def cut(fitted: AlignedPair, asked: Sequence[SliceBy], cutoff: float) -> dict[st
 
 def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
     """The costs of a result of these two sides."""
-    costs = row_costs(result.proof.states, result.proof.weights)
+    costs = row_costs(result.proof)
     unique = is_unique(result.proof, result.gap, everywhere=True)
     return tuple(
         Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
@@ -579,8 +580,9 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     return whole
 
 
-def row_costs(states: States, weights: Ints) -> RowCosts:
-    """The cost of an assignment, row by row."""
+def row_costs(proof: PairProof) -> RowCosts:
+    """The cost of an assignment, row by row; errors of assigned states as in the summary."""
+    states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
     truths, estimates = problem.sides
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
@@ -594,6 +596,11 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
     row = _row_at(truths, states.pair_truth[pair], step)
     size = len(truths.step)
     price = problem.switch_price_at[step] * amount
+    mass = weight / ONE
+    if problem.unjudged is not None:
+        judged = judged_rows(states, weights)
+        mass = mass * judged[0][truths.row[entry]] * judged[1][estimates.row[entry]]
+    error = metric.cutoff * problem.powers(entry) ** (1 / metric.order)
     return (
         {
             "localisation": sum_by(truths.row[entry], paid, size),
@@ -602,6 +609,8 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
             "switch": sum_by(row, price, size),
             "switch_count": 0.5 * sum_by(row, amount, size),
             "truth_steps": _judged(truths),
+            "assigned_steps": sum_by(truths.row[entry], mass, size),
+            "squared_error": sum_by(truths.row[entry], mass * error**2, size),
         },
         {
             "false": false * estimates.price,

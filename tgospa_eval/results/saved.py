@@ -31,7 +31,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS, Json
-from tgospa_eval.results.slices import SLICE_NUMBERS
+from tgospa_eval.results.slices import OLDER_NUMBERS
 from tgospa_eval.text import option
 
 # -------------------------------------------------------------------------------------------------
@@ -271,7 +271,7 @@ NEES_RECORD = {**dict.fromkeys(("mean", "anees", "inside"), or_null(COST)), "sum
 SLICING = {
     "by": TEXT,
     "unique": FLAG,
-    "slices": [{"slice": TEXT, "total": COST, **dict.fromkeys(SLICE_NUMBERS, COST)}],
+    "slices": [{"slice": TEXT, "total": COST, **dict.fromkeys(OLDER_NUMBERS, COST)}],
 }
 
 SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYTHING}}))

@@ -38,6 +38,9 @@ class Slice:
         Numbers of missed and false object-steps, and of switches.
     truth_steps, estimate_steps : float
         States of truth and estimate in the slice, as shares where attributes are weights.
+    assigned_steps, squared_error : float
+        Assigned states of the truth in it, and the sum of their squared errors; NaN in results of
+        before these were kept.
     """
 
     name: str
@@ -50,6 +53,19 @@ class Slice:
     switch_count: float
     truth_steps: float
     estimate_steps: float
+    assigned_steps: float = math.nan
+    squared_error: float = math.nan
+
+    @property
+    def detection_rate(self) -> float | None:
+        """Assigned states by those of the truth, as in the summary."""
+        return _ratio(self.assigned_steps, self.truth_steps)
+
+    @property
+    def rmse(self) -> float | None:
+        """Root mean square of the error of assigned states."""
+        square = _ratio(self.squared_error, self.assigned_steps)
+        return None if square is None else math.sqrt(square)
 
     @property
     def total(self) -> float:
@@ -57,8 +73,22 @@ class Slice:
         return math.fsum(getattr(self, part) for part in PARTS)
 
 
+def _known(value: float | None) -> float | None:
+    return None if value is None or value != value else value
+
+
+def _ratio(value: float, by: float) -> float | None:
+    return value / by if by > 0 and value == value else None
+
+
 SLICE_NUMBERS = tuple(field.name for field in fields(Slice))[1:]
 """What every slice has one number of, but for the total."""
+
+OLDER_NUMBERS = SLICE_NUMBERS[:-2]
+"""Those that older results have, too."""
+
+RATIOS = ("detection_rate", "rmse")
+"""What follows from them; nothing where nothing is assigned."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +122,7 @@ class Slicing:
         """A row for each slice."""
         names = ("total", *SLICE_NUMBERS)
         return {"slice": [part.name for part in self.slices]} | {
-            name: [getattr(part, name) for part in self.slices] for name in names
+            name: [_known(getattr(part, name)) for part in self.slices] for name in names + RATIOS
         }
 
     @property
@@ -110,7 +140,7 @@ class Slicing:
     def of(cls, record: Json) -> "Slicing":
         """From such a record."""
         slices = [
-            Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS})
+            Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS if name in row})
             for row in record["slices"]
         ]
         return cls(by=record["by"], slices=tuple(slices), unique=record["unique"])
@@ -147,7 +177,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
         (one.by, one.table()) for one in slicings
     ]
     columns: Columns = {"by": [by for by, table in tables for _ in table["slice"]]}
-    for name in ("slice", "total", *SLICE_NUMBERS):
+    for name in ("slice", "total", *SLICE_NUMBERS, *RATIOS):
         columns[name] = [value for _, table in tables for value in table[name]]
     return columns
 

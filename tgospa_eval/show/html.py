@@ -24,6 +24,7 @@ from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Json
+from tgospa_eval.results.summary import percent
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.batch import (
     BANDS,
@@ -168,6 +169,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "others": other_table(result.with_),
         "similarity": list(similarity(result.with_)),
         "shown_slices": shown_slices,
+        "percent": percent,
         "share": share,
         "about_slices": list(about_slices(result.sliced, certified=result.certified)),
         "summary": Table(head=("", ""), rows=[*summary_of(result)], align="ll"),

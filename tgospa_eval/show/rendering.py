@@ -244,7 +244,7 @@ def as_text(document: Document) -> str:
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
     )
-    blocks += [_fitted(table) for table in document.tables]
+    blocks += [fitted(table) for table in document.tables]
     blocks.append([part for line in document.notes for part in wrap(line)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
@@ -433,7 +433,7 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
     return [max(map(len, column)) for column in zip(*rows, strict=True)]
 
 
-def _fitted(table: Table) -> list[str]:
+def fitted(table: Table) -> list[str]:
     """Columns as wide as they need.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
@@ -442,7 +442,11 @@ def _fitted(table: Table) -> list[str]:
     """
     if table.widths or table.wrapped:
         return text_lines(table)
-    rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
+    empty = [""] * len(table.head)
+    rows = [
+        [visible(cell or "") for cell in [*row, *empty[len(row) :]]]
+        for row in (table.head, *table.rows)
+    ]
     widths = _widths(rows)
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
     lines: list[str] = []

@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import MEAN, PARTS, SPREAD, Columns, OtherMetrics
 from tgospa_eval.results.slices import Slice, Slicing, in_order
-from tgospa_eval.results.summary import flat
+from tgospa_eval.results.summary import flat, percent
 from tgospa_eval.results.summary import rows as summary_rows
 from tgospa_eval.show.methods import methods
 from tgospa_eval.show.rendering import (
@@ -36,6 +35,7 @@ from tgospa_eval.show.rendering import (
     best_cells,
     clip,
     csv_text,
+    fitted,
     parameters_of,
     table_of,
     text_lines,
@@ -203,10 +203,7 @@ def other_value(name: str, numbers: Mapping[str, float]) -> str:
 MOST_LISTED = 20
 """Slices of a table; of more the costliest are shown."""
 
-LEAST_NAME = 12
-"""Columns of a terminal for the name of a slice, at least."""
-
-SLICE_HEAD = ("states", "total", "share", *PART_HEADS)
+SLICE_HEAD = ("states", "total", "share", *PART_HEADS, "followed", "RMSE")
 
 
 def shown_slices(slicing: Slicing) -> list[Slice]:
@@ -233,6 +230,8 @@ def _cells(one: Slice, total: float) -> list[str]:
         number(one.total, 5),
         share(one.total, total),
         *(number(getattr(one, part), 4) for part in PARTS),
+        percent(one.detection_rate),
+        "-" if one.rmse is None else number(one.rmse, 4),
     ]
 
 
@@ -263,14 +262,10 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """The same for a terminal: long names have lines of their own."""
+    """The same for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
-    columns = zip_longest(("slice", *head), *table.rows, fillvalue="")
-    longest, *widths = (max(len(visible(cell or "")) + 2 for cell in column) for column in columns)
-    room = max(LEAST_NAME, WIDTH - len(INDENT) - sum(widths))
-    shown = replace(table, head=("slice", *head), widths=(min(room, longest - 2), *widths))
-    yield from map(clip, (f"{INDENT}{by}", *text_lines(shown)))
+    yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:

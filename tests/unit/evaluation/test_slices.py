@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -48,6 +49,12 @@ def check_sums(result: Result | ByClass, slicings: tuple[Slicing, ...]) -> None:
             found = math.fsum(getattr(one, name) for one in slicing.slices)
             assert abs(found - whole) <= 1e-12 * max(whole, result.total), (slicing.by, name)
         assert abs(slicing.total - result.total) <= 1e-12 * result.total
+        summary = result.summary
+        assigned = math.fsum(one.assigned_steps for one in slicing.slices)
+        assert assigned == pytest.approx(summary["assigned_states"], rel=1e-12, abs=1e-12)
+        squares = math.fsum(one.squared_error for one in slicing.slices)
+        if summary["rmse"]:
+            assert (squares / assigned) ** 0.5 == pytest.approx(summary["rmse"], rel=1e-9)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -182,12 +189,14 @@ def test_every_output_has_them(
     more = ("--with", "gospa", "--slice", f"class * range={tiny}")
     shown = invoke(*call, *asked, *more).out
     assert "\n\n\n" not in shown
-    assert f"\n  <van> * {tiny} and more\n                     " in shown
+    assert re.search(rf"\n  \.*[<van>* ]*{tiny} and more  ", shown)
     assert "  by seen=weight\n  slice      states  total   share" in shown
     assert "  seen          1.2    8.2  32.8 %" in shown
+    assert "  followed " in shown
+    assert " RMSE" in shown
     assert all(len(line) <= 80 for line in shown.splitlines())
     assert (
-        r"| car \* 0 | 1 | 1 | 4.0 % | 1 | 0 | 0 | 0 |"
+        r"| car \* 0 | 1 | 1 | 4.0 % | 1 | 0 | 0 | 0 | 100 % | 1 |"
         in invoke(*call, *asked, "--format", "markdown").out
     )
     assert r"by seen=weight & states & total" in invoke(*call, *asked, "--format", "latex").out
