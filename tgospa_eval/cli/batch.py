@@ -8,7 +8,7 @@ from tgospa_eval.api.options import BatchOptions, Request
 from tgospa_eval.cli.shared.click_builder import (
     CONFIG_FILE,
     EVALUATION,
-    PICTURE_OPTIONS,
+    PICTURES,
     QUIET,
     SLICE,
     WITH,
@@ -45,7 +45,7 @@ OF_REPORT = {
         report_format(Option),
         SLICE,
         WITH,
-        *(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style")),
+        *PICTURES,
         CONFIG_FILE,
         QUIET,
     ],

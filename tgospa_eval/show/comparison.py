@@ -1,6 +1,6 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from tgospa_eval.common.config import SettingsFile
@@ -425,9 +425,12 @@ def study_document(document: Json) -> Document:
     )
 
 
-def study_report(document: Json, pictures: list[str]) -> str:
-    """The report as Markdown, with its pictures."""
-    shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
+def study_report(document: Json, pictures: Iterable[str]) -> str:
+    """The report as Markdown, with those of its pictures that Markdown shows."""
+    files = (name.rpartition(".") for name in pictures)
+    shown = "\n\n".join(
+        f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
+    )
     return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
@@ -568,18 +571,18 @@ DOCUMENTS = {
 """Of each kind what people read."""
 
 
+def page(document: Json) -> Document:
+    """What people read, with where the settings come from."""
+    made = DOCUMENTS[document["kind"]](document)
+    if "settings_file" not in document:
+        return made
+    used = str(SettingsFile(**document["settings_file"]))
+    return replace(made, warnings=[used, *made.warnings])
+
+
 def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
-    kind = document["kind"]
-
-    def page(document: Json) -> Document:
-        made = DOCUMENTS[kind](document)
-        if "settings_file" not in document:
-            return made
-        used = str(SettingsFile(**document["settings_file"]))
-        return replace(made, warnings=[used, *made.warnings])
-
-    return rendered(format, document, page, json_text, COLUMNS[kind])
+    return rendered(format, document, page, json_text, COLUMNS[document["kind"]])
 
 
 # -------------------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """Pictures over time: stacked cost of each step, normalised cumulative cost, sliding windows."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,7 +28,6 @@ from tgospa_eval.show.figure_tools import (
 )
 from tgospa_eval.show.plot_data import FREE, KINDS, NONE, DrawnSide, PlotData, binned
 from tgospa_eval.show.style import (
-    COLOURS,
     FALSE,
     FILLS,
     INK,
@@ -40,6 +38,7 @@ from tgospa_eval.show.style import (
     SOFT,
     TRACK_COLOURS,
     Style,
+    line_looks,
 )
 from tgospa_eval.show.time_axis import TimeAxis
 
@@ -115,14 +114,15 @@ def draw_nees(seen: PlotData, style: Style) -> Figure | None:
         below = axes[1][0]
         edges = np.linspace(0, 1, ranks.shape[1] + 1)
         shares = ranks / np.maximum(ranks.mean(axis=1, keepdims=True), TINY)
-        for share, name, colour in zip(shares, found["columns"], itertools.cycle(COLOURS)):
-            below.stairs(share, edges, color=colour, label=literal(name), linewidth=1.5)
+        for k, (share, name) in enumerate(zip(shares, found["columns"], strict=True)):
+            below.stairs(share, edges, label=literal(name), linewidth=1.5, **line_looks(k))
         below.axhline(1, color=SOFT, linestyle="--")
         below.set_xlim(0, 1)
         below.set_ylim(0, max(2.0, 1.05 * float(shares.max())))
         below.set_xlabel("weight of the particles below the truth", parse_math=False)
         below.set_ylabel("states / expected", parse_math=False)
-        below.legend(frameon=False, fontsize="small", ncols=len(ranks))
+        above: Any = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": len(ranks)}
+        below.legend(frameon=False, fontsize="small", **above)
     return made
 
 

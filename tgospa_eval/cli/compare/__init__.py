@@ -12,6 +12,7 @@ from tgospa_eval.cli.shared.click_builder import (
     CONFIG_FILE,
     EVALUATION,
     FORCE,
+    PICTURES,
     QUIET,
     WITH,
     OutputOptions,
@@ -33,7 +34,7 @@ OF_FILES = {"against", "unit", "by", "with_"} | {
 }
 """Parameters that mean nothing in the other case."""
 
-OF_RESULTS = {"files", "format_", "output", "force", "config", "quiet"}
+OF_RESULTS = {"files", "format_", "output", "force", "config", "quiet", "pictures", "style"}
 """Parameters that mean something where saved results are ranked."""
 
 _comparison = partial(Option, section="Comparison")
@@ -90,11 +91,12 @@ COMPARE_OUTPUT = (
     report_format(),
     option(
         "-o, --output DIR",
-        "Write compare.json, CSV tables and pictures to this folder. A scaling study also writes "
-        "report.md, and each run as soon as it is done.",
+        "Write report.html, compare.json, CSV tables and pictures to this folder. A scaling study "
+        "also writes report.md, and each run as soon as it is done.",
         section="Output",
         type=PATH,
     ),
+    *PICTURES,
     WITH,
     BY_OF_SETTINGS,
     FORCE,
