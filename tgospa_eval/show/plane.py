@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
@@ -49,6 +50,8 @@ INTERVALS = 24
 
 WINDOW = 3.0
 """How far they are from the middle at most, in sizes of a usual ellipse."""
+
+SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 FEW_DOTS = 5000
 """Particles up to which they are shapes in vector files."""
@@ -322,6 +325,7 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         handles["pair"] = axis.plot(*line, **looks)[0]
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
+    _ends(axis, plane, sides, (style.width - 1.0, tall - 0.9), extent)
     if enlarged:
         axis.get_gridspec().set_height_ratios([tall, low])
         handles |= _enlarged(axes[1, 0], plane, enlarged)
@@ -332,7 +336,8 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
-    beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
+    fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
+    beside = 7 if style.titles else 5 if fits else -(-len(handles) // 2)
     beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
@@ -440,6 +445,47 @@ def _lines(
             axis.plot(*(values[dots] for values in place), **both, **dot)
         handles.setdefault(seen.word(side.name), line)
     return handles
+
+
+def _ends(
+    axis: Axes,
+    plane: Plane,
+    sides: Sequence[DrawnSide],
+    inches: tuple[float, float],
+    extent: Sequence[float],
+) -> None:
+    """Heads of arrows where tracks end; their ids there of estimates, of truths where they begin.
+
+    Of many tracks those that cost most have them, as far as names do not lie on each other.
+    """
+    letters = 0.8 * float(axis.xaxis.label.get_fontsize())
+    scale = 72 * np.array(inches) / extent  # points of a unit
+    taken: list[tuple[Floats, Floats]] = []
+    for side in sides:
+        place, truth = plane.places[side.name], side.name == "truth"
+        ends = [np.searchsorted(side.row["track"], np.arange(len(side.ids)), at) for at in SIDES]
+        cost = np.asarray(side.table["total"], float)
+        known = [k for k in np.argsort(-cost, kind="stable") if ends[0][k] < ends[1][k]]
+        for k in known[:NAMED]:
+            first, last = ends[0][k], ends[1][k] - 1
+            colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
+            before = place[:, max(first, last - 3)]  # noise of one step is no direction
+            if not plane.timed and (before != place[:, last]).any():
+                arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+                arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
+                ends_at = (*place[:, last],), (*before,)
+                axis.annotate("", *ends_at, arrowprops=arrow).set_in_layout(False)
+            name = literal(side.ids[k], 10)
+            room = np.array([0.62 * letters * len(name), letters])
+            low = place[:, first if truth else last] * scale + (3, 3)
+            if any((low < b).all() and (low + room > a).all() for a, b in taken):
+                continue
+            taken.append((low, low + room))
+            looks: dict[str, Any] = {"fontsize": letters, "color": colour, "parse_math": False}
+            looks |= {"xytext": (3, 3), "textcoords": "offset points", "zorder": 4}
+            looks["path_effects"] = [withStroke(linewidth=1.5, foreground="white")]
+            at = (*place[:, first if truth else last],)
+            axis.annotate(name, at, **looks).set_in_layout(False)
 
 
 def _events(
