@@ -1,8 +1,6 @@
 """Sphinx settings. Formulas become MathML at build time: no JavaScript, no network."""
 
 import re
-import sys
-from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math import MathError
@@ -10,10 +8,6 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.errors import ExtensionError
 
 from tgospa_eval import __version__
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import option_tables
 
 project = "tgospa-eval"
 author = "The tgospa-eval authors"
@@ -90,7 +84,6 @@ def without_pages(app, document, docname):
 
 
 def setup(app):
-    app.connect("source-read", option_tables.insert)
     app.connect("doctree-resolved", without_pages)
     app.connect("autodoc-process-docstring", keep_docstring, priority=400)
     app.connect("autodoc-process-docstring", restore_docstring, priority=600)

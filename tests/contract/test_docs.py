@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -130,6 +131,18 @@ def test_readme_prints_what_the_start_page_does() -> None:
     printed = text.partition("```")[0]
     assert printed
     assert printed in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+
+
+def test_a_forge_shows_what_the_pages_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables that are made from the code stand in the pages; links have words."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    filled = import_module("option_tables").filled
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert text == filled(page), f"{page}: run python docs/option_tables.py"
+        assert "[](" not in text
+    pages = [page.read_text(encoding="utf-8") for page in PAGES]
+    assert sum(text.count("<!-- options ") for text in pages) >= 26
 
 
 def make(*arguments: str, folder: Path) -> list[str]:
