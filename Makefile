@@ -75,13 +75,14 @@ clean:
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("tgospa-eval needs Python 3.11 or newer; $(PYTHON) is %d.%d. With another: make PYTHON=python3.11 ..." % sys.version_info[:2])'
 	@echo 'Making an environment for Python in .venv ...'
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
 .venv/installed: .venv/bin/python pyproject.toml tgospa_eval/kernels/_kernels.pyx $(wildcard tgospa_eval/kernels/*.pxi) tgospa_eval/formats/text/_scan.pyx
 	@echo 'Installing tgospa-eval and its libraries into .venv, and compiling its inner loops, a few minutes ...'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --disable-pip-version-check --editable .
 	touch $@
 
 .venv/installed-test: .venv/installed requirements-dev.txt

@@ -1,8 +1,8 @@
 """Blocks of pages that are made: tables of options and headers from the code, and examples.
 
 They stand in the pages, as a forge shows these, from a comment to ``<!-- end -->``: of options
-``<!-- options VERB -->`` or ``<!-- options VERB SECTION -->``, which `tgospa-eval help VERB` prints;
-of headers that are found without options ``<!-- headers -->``; of a file
+``<!-- options VERB -->`` or ``<!-- options VERB SECTION -->``, as `tgospa-eval help VERB` prints
+them; of headers that are found without options ``<!-- headers -->``; of a file
 ``<!-- file PATH LANGUAGE -->``. ``python docs/option_tables.py`` makes them anew; a test holds them
 true.
 """

@@ -167,6 +167,23 @@ def test_the_demo_ends_with_its_page_also_the_second_time(tmp_path: Path) -> Non
 
 
 @pytest.mark.process
+def test_an_old_python_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    if not shutil.which("make"):
+        pytest.skip("needs make")
+    old = tmp_path / "python3.10"
+    code = "import sys; sys.version_info = (3, 10, 9); exec(sys.argv[2])"
+    old.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n', encoding="utf-8")
+    old.chmod(0o755)
+    given = ("-f", ROOT / "Makefile", "-C", tmp_path, f"PYTHON={old}", ".venv/bin/python")
+    done = subprocess.run(["make", *given], capture_output=True, text=True)
+    assert done.returncode
+    assert "needs Python 3.11 or newer" in done.stderr
+    assert "3.10. With another" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / ".venv").exists()
+
+
+@pytest.mark.process
 def test_nothing_is_installed_in_silence() -> None:
     lines = make("--dry-run", "--always-make", "demo", "test", "lint", folder=ROOT)
     slow = [k for k, line in enumerate(lines) if "-m pip install" in line or "-m venv" in line]
