@@ -58,10 +58,12 @@ lint: .venv/installed-dev
 	$(BIN)/lint-imports
 
 docs: .venv/installed-dev
+	rm -rf docs/reference/api
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 # The page of man, from the page of the command line.
 man: .venv/installed-dev
+	rm -rf docs/reference/api
 	$(BIN)/python -m sphinx -W --keep-going -q -b man docs docs/_build/man
 
 # The versions that development uses: the newest that pyproject.toml allows.
@@ -71,7 +73,7 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build *.egg-info .coverage* tgospa_eval/kernels/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/kernels/*.so \
+	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build docs/reference/api *.egg-info .coverage* tgospa_eval/kernels/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/kernels/*.so \
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
