@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs man lock clean
+.PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs pictures man lock clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m \
@@ -60,6 +60,10 @@ lint: .venv/installed-dev
 docs: .venv/installed-dev
 	rm -rf docs/reference/api
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# The pictures of the gallery, from the sample data.
+pictures: .venv/installed-test
+	$(BIN)/python docs/how-to/pictures/make.py
 
 # The page of man, from the page of the command line.
 man: .venv/installed-dev
