@@ -572,16 +572,13 @@ LOOKS = (
 NAMED = 30
 """Most trajectories that are named beside their lines."""
 
-INCHES_ACROSS, INCHES_UP = 9.0, 4.2
-"""Of the picture."""
-
 PRESENCE = "trajectory"
 """What is up where the time is across."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
-    style: Style,  # noqa: ARG001
+    style: Style,
 ) -> Figure:
     """Trajectories in the plane, and a line for each over the times at which it has states.
 
@@ -590,7 +587,7 @@ def draw_inspection(
     subject : sequence of (str, Trajectories), and str
         Name and content of the truth, and of an estimate; the unit of the states.
     style : Style
-        Has no influence on the sizes.
+        Sizes; in one column of a journal the plane lies above.
     """
     sides, unit = subject
     columns = sides[0][1].columns
@@ -601,7 +598,9 @@ def draw_inspection(
         stretch = map_stretch(np.concatenate(latitudes))
     timed = [side for _, side in sides if len(side.times)]
     first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
-    made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
+    beside = 1 + (style.width > 5)
+    made, panels = figure(style.width, 2.9 * style.low / beside, 3 - beside, beside)
+    plane, presence = panels.flat
     handles: dict[str, Artist] = {}
     below = 0
     for (name, side), looks in zip(sides, LOOKS, strict=False):

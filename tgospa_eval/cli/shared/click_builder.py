@@ -137,8 +137,10 @@ PICTURE_OPTIONS = (
 )
 """Of the pictures in a folder."""
 
-PICTURES = tuple(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style"))
+PICTURES = PICTURE_OPTIONS[:2]
 """Of all pictures, whatever they are of."""
+
+STYLE = PICTURES[1]
 
 FORCE = _output("--force", "Write into a folder with other files in it.")
 
