@@ -213,7 +213,7 @@ def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
     }
-    beside = style.titles  # a column of a journal has no room for three
+    beside = style.wide  # a column of a journal has no room for three
     if beside:
         made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
     else:
@@ -379,7 +379,7 @@ def draw_lanes(seen: PlotData, style: Style) -> Figure:
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, seen, style)
     titled(axis, style, "Who followed whom", seen.about)
-    legend(made, list(handles.values()), list(handles), 4 if style.titles else 2)
+    legend(made, list(handles.values()), list(handles), 4 if style.wide else 2)
     return made
 
 

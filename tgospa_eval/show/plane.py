@@ -304,7 +304,8 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
-    tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
+    most = 1.0 if style.titles else 0.6 if style.wide else 0.95
+    tall = min(max(ratio, 0.45), most) * (style.width - 1.0) + 0.9
     enlarged = rows_enlarged(plane) if sides else {}
     low = 0.55 * style.width
     made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
@@ -337,8 +338,8 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
-    beside = 7 if style.titles else 5 if fits else -(-len(handles) // 2)
-    beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
+    beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
+    beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
 
@@ -598,7 +599,7 @@ def draw_inspection(
         stretch = map_stretch(np.concatenate(latitudes))
     timed = [side for _, side in sides if len(side.times)]
     first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
-    beside = 1 + (style.width > 5)
+    beside = 1 + style.wide
     made, panels = figure(style.width, 2.9 * style.low / beside, 3 - beside, beside)
     plane, presence = panels.flat
     handles: dict[str, Artist] = {}

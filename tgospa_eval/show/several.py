@@ -354,7 +354,7 @@ def draw_sweep(found: Sweep, style: Style) -> Figure:
     """
     table: Columns = found.columns()
     x = [point.value for point in found.points]
-    rows = 2 if style.width > 5 else 4  # a column of a journal has room for two panels
+    rows = 2 if style.wide else 4  # a column of a journal has room for two panels
     made, axes = figure(style.width, 0.75 * rows * style.low, rows, 8 // rows)
     panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
     panels |= {f"number, {name}": f"{name}_count" for name in COUNTED_PARTS}
@@ -481,7 +481,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
             axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
         if parts and row + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    legend(made, list(drawn.values()), list(drawn), 4 if style.wide else 3)
     return made
 
 

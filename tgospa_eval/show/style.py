@@ -175,6 +175,11 @@ class Style:
     settings: Mapping[str, Any]
 
     @property
+    def wide(self) -> bool:
+        """Whether there is room for several panels side by side."""
+        return self.width > 5
+
+    @property
     def mark(self) -> float:
         """Size of a marker on a line, in points."""
         return 0.5 * float(self.settings["font.size"])
