@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs man lock clean
+.PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs pictures man lock clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m \
@@ -58,10 +58,16 @@ lint: .venv/installed-dev
 	$(BIN)/lint-imports
 
 docs: .venv/installed-dev
+	rm -rf docs/reference/api
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# The pictures of the gallery, from the sample data.
+pictures: .venv/installed-test
+	$(BIN)/python docs/how-to/pictures/make.py
 
 # The page of man, from the page of the command line.
 man: .venv/installed-dev
+	rm -rf docs/reference/api
 	$(BIN)/python -m sphinx -W --keep-going -q -b man docs docs/_build/man
 
 # The versions that development uses: the newest that pyproject.toml allows.
@@ -71,17 +77,18 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build *.egg-info .coverage* tgospa_eval/kernels/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/kernels/*.so \
+	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build docs/reference/api *.egg-info .coverage* tgospa_eval/kernels/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/kernels/*.so \
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("tgospa-eval needs Python 3.11 or newer; $(PYTHON) is %d.%d. With another: make PYTHON=python3.11 ..." % sys.version_info[:2])'
 	@echo 'Making an environment for Python in .venv ...'
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
 .venv/installed: .venv/bin/python pyproject.toml tgospa_eval/kernels/_kernels.pyx $(wildcard tgospa_eval/kernels/*.pxi) tgospa_eval/formats/text/_scan.pyx
 	@echo 'Installing tgospa-eval and its libraries into .venv, and compiling its inner loops, a few minutes ...'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --disable-pip-version-check --editable .
 	touch $@
 
 .venv/installed-test: .venv/installed requirements-dev.txt

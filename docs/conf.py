@@ -1,8 +1,6 @@
 """Sphinx settings. Formulas become MathML at build time: no JavaScript, no network."""
 
 import re
-import sys
-from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math import MathError
@@ -11,17 +9,14 @@ from sphinx.errors import ExtensionError
 
 from tgospa_eval import __version__
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import option_tables
-
 project = "tgospa-eval"
 author = "The tgospa-eval authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+templates_path = ["_templates"]
 default_role = "literal"
 language = "en"
 
@@ -90,7 +85,6 @@ def without_pages(app, document, docname):
 
 
 def setup(app):
-    app.connect("source-read", option_tables.insert)
     app.connect("doctree-resolved", without_pages)
     app.connect("autodoc-process-docstring", keep_docstring, priority=400)
     app.connect("autodoc-process-docstring", restore_docstring, priority=600)

@@ -1,10 +1,14 @@
-"""Tables that are made from the code: of options, what `tgospa-eval help VERB` prints; of headers.
+"""Blocks of pages that are made: tables of options and headers from the code, and examples.
 
-In a page a block `{options} VERB`, or `{options} VERB SECTION`, is replaced by its table, and a
-block `{headers}` by the headers of tables that are found without options.
+They stand in the pages, as a forge shows these, from a comment to ``<!-- end -->``: of options
+``<!-- options VERB -->`` or ``<!-- options VERB SECTION -->``, as `tgospa-eval help VERB` prints
+them; of headers that are found without options ``<!-- headers -->``; of a file
+``<!-- file PATH LANGUAGE -->``. ``python docs/option_tables.py`` makes them anew; a test holds them
+true.
 """
 
 import re
+from pathlib import Path
 
 import click
 
@@ -12,8 +16,7 @@ from tgospa_eval.cli.shared.command import SECTIONS
 from tgospa_eval.cli.verbs import load
 from tgospa_eval.formats.headers import HEADER_ALIASES
 
-BLOCK = re.compile(r"^```\{options\} (\w+)(?: (.+))?\n```$", re.M)
-HEADERS = "```{headers}\n```"
+BLOCK = re.compile(r"^<!-- (options|headers|file) ?(.*) -->\n(?:.*\n)*?<!-- end -->$", re.M)
 DEFAULT = "evaluate"
 """Of the other verbs those options are shown that this one has not, or not with the same help."""
 
@@ -73,7 +76,21 @@ def headers() -> str:
     return "\n".join(("| column | headers |", "|---|---|", *lines))
 
 
-def insert(app: object, docname: str, source: list[str]) -> None:
-    """Replace the blocks of a page, for the event `source-read`."""
-    text = BLOCK.sub(lambda found: table(found[1], found[2]), source[0])
-    source[0] = text.replace(HEADERS, headers())
+def filled(page: Path) -> str:
+    """The text of a page with its blocks as they should be."""
+
+    def block(found: re.Match[str]) -> str:
+        kind, given = found[1], found[2].split()
+        if kind == "file":
+            text = page.parent.joinpath(given[0]).read_text(encoding="utf-8")
+            made = f"```{given[1]}\n{text}```"
+        else:
+            made = table(*given) if kind == "options" else headers()
+        return f"<!-- {' '.join((kind, *given))} -->\n\n{made}\n\n<!-- end -->"
+
+    return BLOCK.sub(block, page.read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    for path in Path(__file__).parent.rglob("*.md"):
+        path.write_text(filled(path), encoding="utf-8")

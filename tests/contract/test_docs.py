@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -132,6 +133,18 @@ def test_readme_prints_what_the_start_page_does() -> None:
     assert printed in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
 
 
+def test_a_forge_shows_what_the_pages_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables that are made from the code stand in the pages; links have words."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    filled = import_module("option_tables").filled
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert text == filled(page), f"{page}: run python docs/option_tables.py"
+        assert "[](" not in text
+    pages = [page.read_text(encoding="utf-8") for page in PAGES]
+    assert sum(text.count("<!-- options ") for text in pages) >= 26
+
+
 def make(*arguments: str, folder: Path) -> list[str]:
     """Lines that a target prints, where everything is installed."""
     if not (shutil.which("make") and Path(sys.executable).with_name("tgospa-eval").exists()):
@@ -151,6 +164,23 @@ def test_the_demo_ends_with_its_page_also_the_second_time(tmp_path: Path) -> Non
         assert "TGOSPA = 42.5352" in page.read_text(encoding="utf-8")
     (made,) = {page.relative_to(tmp_path).parts[0]}
     assert f"/{made}/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.process
+def test_an_old_python_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    if not shutil.which("make"):
+        pytest.skip("needs make")
+    old = tmp_path / "python3.10"
+    code = "import sys; sys.version_info = (3, 10, 9); exec(sys.argv[2])"
+    old.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n', encoding="utf-8")
+    old.chmod(0o755)
+    given = ("-f", ROOT / "Makefile", "-C", tmp_path, f"PYTHON={old}", ".venv/bin/python")
+    done = subprocess.run(["make", *given], capture_output=True, text=True)
+    assert done.returncode
+    assert "needs Python 3.11 or newer" in done.stderr
+    assert "3.10. With another" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / ".venv").exists()
 
 
 @pytest.mark.process

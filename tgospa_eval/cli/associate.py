@@ -10,6 +10,7 @@ import click
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import NAMES, OPTION_SPECS, Request
 from tgospa_eval.cli.shared.click_builder import (
+    PICTURE_OPTIONS,
     OutputOptions,
     chosen_options,
     format_option,
@@ -98,9 +99,11 @@ _output = partial(Option, section="Output")
             ),
             _output(
                 "-o, --output DIR",
-                "Write report.html, associate.json, associations.csv and plane.png to this folder.",
+                "Write report.html, associate.json, associations.csv and a picture of the plane to "
+                "this folder.",
                 type=PATH,
             ),
+            *(item for item in PICTURE_OPTIONS if item.key != "components"),
             _output("--force", "Write over files that exist."),
         ),
     ],
@@ -125,11 +128,11 @@ def command(
     from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.api.sensors import associate_sides, of_pairs
     from tgospa_eval.cli.shared.streams import emit
-    from tgospa_eval.cli.shared.writing import write_output
+    from tgospa_eval.cli.shared.writing import probed, write_output
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.results.records import json_text
-    from tgospa_eval.show.files import ASSOCIATION, association_files, check_file, probe_folder
+    from tgospa_eval.show.files import ASSOCIATION, association_files, check_file
     from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.result_text import association_text
 
@@ -141,8 +144,7 @@ def command(
     for name, path in files.items():
         check_file(path, name, force=force, others=taken)
         taken.append(path)
-    if output.output is not None:
-        probe_folder(output.output, ASSOCIATION, force=force)
+    wanted = probed(output, ASSOCIATION, "associate")
     resolved = resolve_request(request)
 
     def work(effort: "Resources") -> "tuple[Association, dict[str, str]]":
@@ -164,7 +166,7 @@ def command(
     write_output(
         output,
         ASSOCIATION,
-        lambda _: {"associate.json": shown["json"](), **association_files(found, (a, b))},
+        lambda _: {"associate.json": shown["json"](), **association_files(found, (a, b), wanted)},
     )
     emit(shown[output.format_](), output.format_)
 

@@ -6,7 +6,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_builder import READING, OutputOptions, format_option
+from tgospa_eval.cli.shared.click_builder import READING, STYLE, OutputOptions, format_option
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.errors import ConfigError
 
@@ -22,7 +22,7 @@ PLOT = Option(
 )
 
 
-@click.command("inspect", cls=Verb, params=[*READING, PLOT, format_option("table", "json")])
+@click.command("inspect", cls=Verb, params=[*READING, PLOT, STYLE, format_option("table", "json")])
 @click.argument("truth", type=SOURCE)
 @click.argument("estimate", type=SOURCE, required=False)
 @click.pass_context
@@ -83,7 +83,7 @@ def command(
         if plot is not None:
             seen = [side.trajectories for side in sides] if fitted is None else fitted.read
             sides_seen = list(zip(paths, seen, strict=True))
-            _write_picture(plot, ending[1:], sides_seen, request.unit or "")
+            _write_picture(plot, ending[1:], output.style, sides_seen, request.unit or "")
             if not output.quiet:
                 print_notice(f"picture in {plot}")
         found = inspect(list(zip(paths, sides, strict=True)), fitted, asked)
@@ -94,11 +94,12 @@ def command(
 
 
 def _write_picture(
-    path: str, kind: str, sides: "list[tuple[str, Trajectories]]", unit: str
+    path: str, kind: str, style: str, sides: "list[tuple[str, Trajectories]]", unit: str
 ) -> None:
     """Draw what was read."""
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.show.charts import Pictures, pictures
 
-    (data,) = pictures("inspect", (sides, unit), Pictures(formats=(kind,))).values()
+    wanted = Pictures(formats=(kind,), style=style)
+    (data,) = pictures("inspect", (sides, unit), wanted).values()
     write_file(path, data, "--plot")

@@ -124,10 +124,10 @@ class Pictures:
         """The parts of the cost that are drawn, in their order."""
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The files of a result."""
-        return tuple(f"{name}.{kind}" for name in CHARTS["result"] for kind in self.formats)
+    def names(self, *kinds: str) -> tuple[str, ...]:
+        """The files of these kinds in `CHARTS`."""
+        charts = (name for kind in kinds for name in CHARTS[kind])
+        return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
     def check(self, known: Sequence[str]) -> None:
         """See that the plane can be drawn of these state columns, before any work is done.

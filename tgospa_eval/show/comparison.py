@@ -1,7 +1,8 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from math import nan
 
 from tgospa_eval.common.config import SettingsFile
@@ -446,9 +447,12 @@ def study_document(document: Json) -> Document:
     )
 
 
-def study_report(document: Json, pictures: list[str]) -> str:
-    """The report as Markdown, with its pictures."""
-    shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
+def study_report(document: Json, pictures: Iterable[str]) -> str:
+    """The report as Markdown, with those of its pictures that Markdown shows."""
+    files = (name.rpartition(".") for name in pictures)
+    shown = "\n\n".join(
+        f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
+    )
     return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
@@ -589,18 +593,19 @@ DOCUMENTS = {
 """Of each kind what people read."""
 
 
+def page(document: Json, asked: Sequence[str] = ()) -> Document:
+    """What people read, with where settings come from; `asked` are columns of its table."""
+    made = DOCUMENTS[document["kind"]](document, *([asked] if asked else ()))
+    if "settings_file" not in document:
+        return made
+    used = str(SettingsFile(**document["settings_file"]))
+    return replace(made, warnings=[used, *made.warnings])
+
+
 def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
     """What ``--format`` prints; `asked` are columns of the table of estimates."""
-    kind = document["kind"]
-
-    def page(document: Json) -> Document:
-        made = DOCUMENTS[kind](document, *([asked] if asked else ()))
-        if "settings_file" not in document:
-            return made
-        used = str(SettingsFile(**document["settings_file"]))
-        return replace(made, warnings=[used, *made.warnings])
-
-    return rendered(format, document, page, json_text, COLUMNS[kind])
+    made = partial(page, asked=asked)
+    return rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
 
 # -------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
 from urllib.parse import quote
@@ -27,7 +26,7 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, PairProof
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.charts import CHARTS, pictures
+from tgospa_eval.show.charts import pictures
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.style import FILES
 from tgospa_eval.text import as_unicode, option
@@ -38,10 +37,6 @@ Files: TypeAlias = Mapping[str, str | bytes | Path]
 
 PICTURES = tuple(FILES)
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
-
-
-def _files(names: Iterable[str], *kinds: str) -> tuple[str, ...]:
-    return tuple(f"{name}.{kind}" for name, kind in product(names, kinds))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,30 +99,27 @@ PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
 SWEEP = Kind(
     name="sweep",
     document="sweep.json",
-    names=("sweep.json", "sweep.csv"),
-    opens=_files(CHARTS["sweep"], *PICTURES),
+    names=("sweep.json", "sweep.csv", "report.html"),
+    opens=("report.html",),
 )
 ASSOCIATION = Kind(
     name="associate",
     document="report.html",
-    names=("report.html", "associate.json", "associations.csv", "plane.png"),
+    names=("report.html", "associate.json", "associations.csv"),
     opens=("report.html",),
 )
 COMPARISON = Kind(
     name="compare",
     document="compare.json",
-    names=(
-        *("compare.json", "compare.csv", "per_step.csv", "pairs.csv"),
-        *_files((*CHARTS["solvers"], *CHARTS["estimates"]), "png"),
-    ),
-    opens=("time_over_error.png", "cumulative.png"),
+    names=("compare.json", "compare.csv", "per_step.csv", "pairs.csv", "report.html"),
+    opens=("report.html",),
 )
 STUDY = Kind(
     name="study",
     document="compare.json",
-    names=("compare.json", "compare.csv", "report.md", *_files(CHARTS["study"], "png")),
+    names=("compare.json", "compare.csv", "report.md", "report.html"),
     log=f"runs/{manifest.STORE}",
-    opens=("report.md",),
+    opens=("report.html",),
 )
 GATE = Kind(
     name="gate",
@@ -138,7 +130,7 @@ GATE = Kind(
 BATCH = Kind(
     name="batch",
     document="report.html",
-    names=("report.html", "curve.csv", "slices.csv", *_files(CHARTS["batch"], "png")),
+    names=("report.html", "curve.csv", "slices.csv"),
     log=manifest.STORE,
     opens=("report.html",),
 )
@@ -465,14 +457,14 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 
 
 def association_files(
-    found: Pairing, names: tuple[str, str] = ("A", "B")
+    found: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
     """Page, table and, with the extra, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
     files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
     files["associations.csv"] = csv_text(found.associations_table())
-    return files | pictures("associate", found)
+    return files if wanted == (None,) else files | pictures("associate", found, *wanted)
 
 
 # -------------------------------------------------------------------------------------------------

@@ -40,7 +40,13 @@ from tgospa_eval.show.batch import (
 )
 from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
-from tgospa_eval.show.rendering import ORDERS, Table, order_in_words, place_in_words
+from tgospa_eval.show.rendering import (
+    ORDERS,
+    Document,
+    Table,
+    order_in_words,
+    place_in_words,
+)
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
     about_slices,
@@ -266,6 +272,25 @@ def card(result: Evaluation) -> str:
     ]
     template = environment().get_template("card.html.j2")
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
+
+
+def document_page(document: Document, kind: str, drawn: Any, *, draws: bool) -> str:
+    """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
+    made = pictures(kind, drawn, Pictures(formats=("svg",))) if draws else {}
+    html = (
+        environment()
+        .get_template("document.html.j2")
+        .render(
+            document=document,
+            version=__version__,
+            images={
+                name.removesuffix(".svg").replace("_", " "): base64.b64encode(image).decode()
+                for name, image in made.items()
+            },
+            style=page_colours() + inlined("page.css") + inlined("batch.css"),
+        )
+    )
+    return as_unicode(html)
 
 
 # -------------------------------------------------------------------------------------------------

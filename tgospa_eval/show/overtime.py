@@ -1,6 +1,5 @@
 """Pictures over time: stacked cost of each step, normalised cumulative cost, sliding windows."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,7 +28,6 @@ from tgospa_eval.show.figure_tools import (
 )
 from tgospa_eval.show.plot_data import FREE, KINDS, NONE, DrawnSide, PlotData, binned
 from tgospa_eval.show.style import (
-    COLOURS,
     FALSE,
     FILLS,
     INK,
@@ -40,6 +38,7 @@ from tgospa_eval.show.style import (
     SOFT,
     TRACK_COLOURS,
     Style,
+    line_looks,
 )
 from tgospa_eval.show.time_axis import TimeAxis
 
@@ -115,14 +114,15 @@ def draw_nees(seen: PlotData, style: Style) -> Figure | None:
         below = axes[1][0]
         edges = np.linspace(0, 1, ranks.shape[1] + 1)
         shares = ranks / np.maximum(ranks.mean(axis=1, keepdims=True), TINY)
-        for share, name, colour in zip(shares, found["columns"], itertools.cycle(COLOURS)):
-            below.stairs(share, edges, color=colour, label=literal(name), linewidth=1.5)
+        for k, (share, name) in enumerate(zip(shares, found["columns"], strict=True)):
+            below.stairs(share, edges, label=literal(name), linewidth=1.5, **line_looks(k))
         below.axhline(1, color=SOFT, linestyle="--")
         below.set_xlim(0, 1)
         below.set_ylim(0, max(2.0, 1.05 * float(shares.max())))
         below.set_xlabel("weight of the particles below the truth", parse_math=False)
         below.set_ylabel("states / expected", parse_math=False)
-        below.legend(frameon=False, fontsize="small", ncols=len(ranks))
+        above: Any = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": len(ranks)}
+        below.legend(frameon=False, fontsize="small", **above)
     return made
 
 
@@ -213,7 +213,7 @@ def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
     }
-    beside = style.titles  # a column of a journal has no room for three
+    beside = style.wide  # a column of a journal has no room for three
     if beside:
         made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
     else:
@@ -298,6 +298,9 @@ MOST_NAMES = 400
 HALF = 0.4
 """Half the height of a bar; lanes are 1 apart."""
 
+MANY = 40
+"""Tracks from which on those without any event share a lane."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
@@ -313,12 +316,15 @@ class Lanes:
         Those that share the last lane.
     first : int
         Place of the first lane; the words stand above it.
+    quiet : int
+        How many of the others have no miss and no switch.
     """
 
     side: DrawnSide
     tracks: Ints
     others: Ints
     first: int
+    quiet: int = 0
 
     @property
     def end(self) -> int:
@@ -330,7 +336,8 @@ class Lanes:
         """The words above."""
         count = len(self.tracks) + len(self.others)
         word = self.side.name + ("" if count == 1 else "s")
-        return f"{count:,} {word}" + ("" if self.side.name == "truth" else " with false steps")
+        quiet = f", {self.quiet:,} of them without miss or switch" if self.quiet else ""
+        return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
         """Where lanes are; not a number for tracks without one of their own."""
@@ -372,22 +379,24 @@ def draw_lanes(seen: PlotData, style: Style) -> Figure:
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, seen, style)
     titled(axis, style, "Who followed whom", seen.about)
-    legend(made, list(handles.values()), list(handles), 4 if style.titles else 2)
+    legend(made, list(handles.values()), list(handles), 4 if style.wide else 2)
     return made
 
 
 def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
-    """Lanes in the order of the files; of too many the costliest."""
-    if len(tracks) <= most:
+    """Lanes in the order of the files; of many those with events, of too many the costliest."""
+    if len(tracks) <= min(most, MANY):
         return Lanes(side=side, tracks=tracks, others=tracks[:0], first=first)
-    cost = np.asarray(side.table["total"], float)[tracks]
-    order = np.argsort(-cost, kind="stable")
-    return Lanes(
-        side=side,
-        tracks=np.sort(tracks[order[: most - 1]]),
-        others=np.sort(tracks[order[most - 1 :]]),
-        first=first,
-    )
+    table = side.table
+    events: Floats = np.add(table["unassigned_count"], table["switch"], dtype=float)[tracks]
+    cost = np.asarray(table["total"], float)[tracks]
+    order = np.lexsort((-cost, events == 0))
+    eventful = int(np.count_nonzero(events))
+    shown = eventful if len(tracks) > MANY and eventful else len(tracks)
+    shown = shown if len(tracks) == shown <= most else min(shown, most - 1)
+    own, others = np.sort(tracks[order[:shown]]), np.sort(tracks[order[shown:]])
+    quiet = len(tracks) - max(eventful, shown)
+    return Lanes(side=side, tracks=own, others=others, first=first, quiet=quiet)
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
@@ -581,6 +590,7 @@ def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
     for lanes in groups:
         places += list(range(lanes.first, lanes.end))
         names += [literal(lanes.side.ids[track], 14) for track in lanes.tracks]
-        names += [f"{len(lanes.others):,} others"] if len(lanes.others) else []
+        word = "quiet" if lanes.quiet == len(lanes.others) else "others"
+        names += [f"{len(lanes.others):,} {word}"] if len(lanes.others) else []
     axis.set_yticks(places, names, fontsize=letters, parse_math=False)
     axis.tick_params(axis="y", length=0)

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
@@ -49,6 +50,8 @@ INTERVALS = 24
 
 WINDOW = 3.0
 """How far they are from the middle at most, in sizes of a usual ellipse."""
+
+SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 FEW_DOTS = 5000
 """Particles up to which they are shapes in vector files."""
@@ -301,7 +304,8 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
-    tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
+    most = 1.0 if style.titles else 0.6 if style.wide else 0.95
+    tall = min(max(ratio, 0.45), most) * (style.width - 1.0) + 0.9
     enlarged = rows_enlarged(plane) if sides else {}
     low = 0.55 * style.width
     made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
@@ -322,6 +326,7 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         handles["pair"] = axis.plot(*line, **looks)[0]
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
+    _ends(axis, plane, sides, (style.width - 1.0, tall - 0.9), extent)
     if enlarged:
         axis.get_gridspec().set_height_ratios([tall, low])
         handles |= _enlarged(axes[1, 0], plane, enlarged)
@@ -332,8 +337,9 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
-    beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
-    beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
+    fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
+    beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
+    beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
 
@@ -442,6 +448,47 @@ def _lines(
     return handles
 
 
+def _ends(
+    axis: Axes,
+    plane: Plane,
+    sides: Sequence[DrawnSide],
+    inches: tuple[float, float],
+    extent: Sequence[float],
+) -> None:
+    """Heads of arrows where tracks end; their ids there of estimates, of truths where they begin.
+
+    Of many tracks those that cost most have them, as far as names do not lie on each other.
+    """
+    letters = 0.8 * float(axis.xaxis.label.get_fontsize())
+    scale = 72 * np.array(inches) / extent  # points of a unit
+    taken: list[tuple[Floats, Floats]] = []
+    for side in sides:
+        place, truth = plane.places[side.name], side.name == "truth"
+        ends = [np.searchsorted(side.row["track"], np.arange(len(side.ids)), at) for at in SIDES]
+        cost = np.asarray(side.table["total"], float)
+        known = [k for k in np.argsort(-cost, kind="stable") if ends[0][k] < ends[1][k]]
+        for k in known[:NAMED]:
+            first, last = ends[0][k], ends[1][k] - 1
+            colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
+            before = place[:, max(first, last - 3)]  # noise of one step is no direction
+            if not plane.timed and (before != place[:, last]).any():
+                arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+                arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
+                ends_at = (*place[:, last],), (*before,)
+                axis.annotate("", *ends_at, arrowprops=arrow).set_in_layout(False)
+            name = literal(side.ids[k], 10)
+            room = np.array([0.62 * letters * len(name), letters])
+            low = place[:, first if truth else last] * scale + (3, 3)
+            if any((low < b).all() and (low + room > a).all() for a, b in taken):
+                continue
+            taken.append((low, low + room))
+            looks: dict[str, Any] = {"fontsize": letters, "color": colour, "parse_math": False}
+            looks |= {"xytext": (3, 3), "textcoords": "offset points", "zorder": 4}
+            looks["path_effects"] = [withStroke(linewidth=1.5, foreground="white")]
+            at = (*place[:, first if truth else last],)
+            axis.annotate(name, at, **looks).set_in_layout(False)
+
+
 def _events(
     axis: Axes, seen: PlotData, places: dict[str, Floats], style: Style
 ) -> dict[str, Artist]:
@@ -526,16 +573,13 @@ LOOKS = (
 NAMED = 30
 """Most trajectories that are named beside their lines."""
 
-INCHES_ACROSS, INCHES_UP = 9.0, 4.2
-"""Of the picture."""
-
 PRESENCE = "trajectory"
 """What is up where the time is across."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
-    style: Style,  # noqa: ARG001
+    style: Style,
 ) -> Figure:
     """Trajectories in the plane, and a line for each over the times at which it has states.
 
@@ -544,7 +588,7 @@ def draw_inspection(
     subject : sequence of (str, Trajectories), and str
         Name and content of the truth, and of an estimate; the unit of the states.
     style : Style
-        Has no influence on the sizes.
+        Sizes; in one column of a journal the plane lies above.
     """
     sides, unit = subject
     columns = sides[0][1].columns
@@ -555,7 +599,9 @@ def draw_inspection(
         stretch = map_stretch(np.concatenate(latitudes))
     timed = [side for _, side in sides if len(side.times)]
     first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
-    made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
+    beside = 1 + style.wide
+    made, panels = figure(style.width, 2.9 * style.low / beside, 3 - beside, beside)
+    plane, presence = panels.flat
     handles: dict[str, Artist] = {}
     below = 0
     for (name, side), looks in zip(sides, LOOKS, strict=False):

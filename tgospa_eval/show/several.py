@@ -33,8 +33,12 @@ from tgospa_eval.show.style import (
     TRACK_COLOURS,
     Style,
     heat_shades,
+    line_looks,
 )
 from tgospa_eval.show.time_axis import ROOM, TimeAxis
+
+TALL = 1.4
+"""Height of a picture of lines, of one over time."""
 
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
@@ -64,28 +68,22 @@ def draw_errors(document: Json, style: Style) -> Figure | None:
     }
     if document["referee"] is None or len(runs) < 2 or not _seen(*list(lines.values())[:3]):
         return None
-    return _by_temperature(
-        {
-            name: (k, runs, [{"mean": error, "deviation": None} for error in errors])
-            for k, (name, errors) in enumerate(lines.items())
-        }
-    )
+    means = {name: [{"mean": error, "deviation": None} for error in lines[name]] for name in lines}
+    return _by_temperature({name: (runs, means[name]) for name in means}, style)
 
 
 def _by_temperature(
-    lines: Mapping[str, tuple[int, Sequence[Json], Sequence[Json]]], where: str = ""
+    lines: Mapping[str, tuple[Sequence[Json], Sequence[Json]]], style: Style, where: str = ""
 ) -> Figure:
-    """Errors over the temperatures of runs; those of a number have a colour, all but one dashes."""
-    made, ((axis,),) = figure(5.2, 3.6)
-    numbers: list[int] = []
-    for name, (k, runs, errors) in lines.items():
-        _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, "--" if k in numbers else "-")
-        numbers.append(k)
+    """Errors over the temperatures of runs, a line for each name."""
+    made, ((axis,),) = figure(style.width, TALL * style.low)
+    for k, (name, (runs, errors)) in enumerate(lines.items()):
+        _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, style)
     _ticks(axis, [*map(_epsilon, runs)])
     error_axis(axis)
-    label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature{where}")
-    if axis.lines:
-        axis.legend(frameon=False)
+    label(axis, TEMPERATURE, ERROR, "")
+    titled(axis, style, f"Error of sinkhorn by temperature{where}")
+    _legend(made, axis, 2)
     return made
 
 
@@ -95,21 +93,23 @@ def draw_time_over_error(document: Json, style: Style) -> Figure | None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
-        made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
+        made, ((axis,),) = figure(style.width, (0.3 + 0.1 * len(runs)) * style.low)
         spent = np.array([_spent(run) for run in runs])
         bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
-        label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
+        label(axis, f"{SPENT}; all errors are below {FLOOR:g}", "", "")
+        titled(axis, style, "Time")
         return made
-    made, ((axis,),) = figure(6.2, 3.6)
+    made, ((axis,),) = figure(style.width, TALL * style.low)
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
     for k, run in enumerate(runs):
-        looks = {"ms": 7, "alpha": 0.8, "clip_on": False, "zorder": 3, "label": run["name"]}
-        looks["color"] = COLOURS[solvers.index(run["solver"])]
+        looks: dict[str, Any] = {"alpha": 0.8, "clip_on": False, "zorder": 3, "label": run["name"]}
+        looks |= {"color": COLOURS[solvers.index(run["solver"])], "ms": 1.7 * style.mark}
         axis.plot([floored(run["error"])], [_spent(run)], MARKERS[k % len(MARKERS)], **looks)
     seconds_axis(axis.yaxis)
     error_axis(axis, vertical=False)
-    label(axis, ERROR, SPENT, "Time and error")
-    made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
+    label(axis, ERROR, SPENT, "")
+    titled(axis, style, "Time and error")
+    _legend(made, axis, 2)
     return made
 
 
@@ -126,22 +126,28 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
         return None
-    made, ((axis,),) = figure(5.2, 3.6)
+    made, ((axis,),) = figure(style.width, TALL * style.low)
     referee = document["referee"]["total"]
     for k, run in enumerate(runs):
         history = run["history"]
         sweeps = [check["sweep"] for check in history]
         above = [_relative(check["upper"] - referee["lower"], referee) for check in history]
         below = [_relative(referee["upper"] - check["lower"], referee) for check in history]
-        looks: dict[str, Any] = {"marker": MARKERS[k % 7], "ms": 4}
-        looks["color"] = COLOURS[k % len(COLOURS)]
+        looks = line_looks(k, marked=True) | {"ms": style.mark}
         title = run["name"] if run["epsilon"] is None else f"ε = {run['epsilon']:g}"
-        axis.plot(sweeps, above, "-", label=title, **looks)
-        axis.plot(sweeps, below, "--", mfc="white", **looks)
+        axis.plot(sweeps, above, label=title, **looks)
+        axis.plot(sweeps, below, mfc="white", **looks)
     error_axis(axis)
-    label(axis, "sweeps", ERROR, "Convergence: upper bound (solid), lower bound (dashed)")
-    axis.legend(frameon=False, fontsize="small")
+    label(axis, "sweeps; upper bound filled, lower bound hollow", ERROR, "")
+    titled(axis, style, "Convergence")
+    _legend(made, axis, 4)
     return made
+
+
+def _legend(made: Figure, axis: Axes, columns: int) -> None:
+    """Above the axes, of what is named in these."""
+    handles, names = axis.get_legend_handles_labels()
+    legend(made, handles, names, columns)
 
 
 def error_axis(axis: Axes, *, vertical: bool = True) -> None:
@@ -160,7 +166,8 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     if at_floor:
         looks: Any = {"fontsize": "x-small", "color": LIGHT["soft"]}
         looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-        axis.annotate(AT_FLOOR, (0, 0), xytext=(0, -44), **looks)
+        below = -4.6 * float(axis.xaxis.label.get_fontsize())
+        axis.annotate(AT_FLOOR, (0, 0), xytext=(0, below), **looks)
 
 
 def seconds_axis(which: Axis) -> None:
@@ -202,11 +209,11 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
     longest = max(size["steps"] for size in document["sizes"])
     sizes = [size for size in document["sizes"] if size["steps"] == longest]
     lines = {}
-    for k, size in enumerate(sorted(sizes, key=itemgetter("targets"))):
+    for size in sorted(sizes, key=itemgetter("targets")):
         runs = sorted((run for run in size["solvers"] if run["epsilon"] is not None), key=_epsilon)
         for name, error in (("", "error"), (", entropic value", "entropic_error")):
-            lines[f"m = {size['targets']:,}{name}"] = k, runs, [run[error] for run in runs]
-    return _by_temperature(lines, f", T = {longest:,}")
+            lines[f"m = {size['targets']:,}{name}"] = runs, [run[error] for run in runs]
+    return _by_temperature(lines, style, f", T = {longest:,}")
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
@@ -226,7 +233,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
         for _, _, chosen in rows
     )
     columns = 2 if with_errors else 1
-    made, axes = figure(4.5 * columns + 1.0 * (columns == 1), 3.3 * len(rows), len(rows), columns)
+    made, axes = figure(style.width, (TALL * len(rows) + 0.1) * style.low, len(rows), columns)
     for panels, (varied, fixed, chosen) in zip(axes, rows, strict=True):
         name = "targets m" if varied == "targets" else "time steps T"
         where = f"{'T' if fixed == 'steps' else 'm'} = {most[fixed]:,}"
@@ -234,12 +241,12 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
         for k, run in enumerate(chosen[0]["solvers"]):
             runs = [size["solvers"][k] for size in chosen]
             x = [size[varied] for size in chosen]
-            _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
+            _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9, style)
         if left.lines:
             seconds_axis(left.yaxis)
         label(left, name, SPENT, f"Time, {where}")
         if with_errors:
-            exact = _errors(panels[1], varied, chosen)
+            exact = _errors(panels[1], varied, chosen, style)
             below = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
             label(panels[1], name, ERROR, f"Error, {where}{below}")
         for axis in panels:
@@ -249,18 +256,17 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
     if not with_errors:
         title = f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}"
         axes[0, 0].set_title(title, fontsize="medium", loc="left")
-    handles, names = axes[0, 0].get_legend_handles_labels()
-    legend(made, handles, names, 3 * columns)
+    _legend(made, axes[0, 0], 3 * columns)
     return made
 
 
-def _errors(axis: Axes, varied: str, chosen: Sequence[Json]) -> list[str]:
+def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
     """Lines of the errors of those that have any; returns the names of the others."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
         if _seen(error["max"] for error in errors):
-            _line(axis, [size[varied] for size in chosen], errors, k, run["name"], FLOOR)
+            _line(axis, [size[varied] for size in chosen], errors, k, run["name"], FLOOR, style)
         elif any(error["max"] is not None for error in errors):
             exact.append(run["name"])
     if axis.lines:
@@ -284,7 +290,7 @@ def _line(
     k: int,
     name: str,
     least: float,
-    line: str = "-",
+    style: Style,
 ) -> None:
     """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
     kept = [
@@ -297,10 +303,9 @@ def _line(
     x, mean, spread = map(list, zip(*kept, strict=True))
     low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
     high = [m + s for m, s in zip(mean, spread, strict=True)]
-    colour = COLOURS[k % len(COLOURS)]
-    axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    looks: dict[str, Any] = {"ms": 5, "color": colour, "label": name, "clip_on": False}
-    axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], **looks)
+    looks = line_looks(k, marked=True) | {"ms": style.mark, "label": name, "clip_on": False}
+    axis.fill_between(x, low, high, color=looks["color"], alpha=0.15, linewidth=0)
+    axis.plot(x, mean, **looks)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -314,19 +319,18 @@ def draw_cumulative(
     times, series = costs_of_steps
     if not any(series.values()):
         return None
-    made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
+    made, ((axis,),) = figure(style.width, TALL * style.low + 0.04 * style.mark * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
     time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
         total = list(itertools.accumulate(costs))
-        colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
-        dot = "o" if len(total) == 1 else ""
-        lines += axis.plot(time.at, total, dashes + dot, color=colour, clip_on=False)
+        lines += axis.plot(time.at, total, clip_on=False, **line_looks(k, marked=len(total) == 1))
         names.append(f"{literal(name, 30)}: {number(total[-1])}")
     axis.set_ylim(0, None)
-    label(axis, "", "cost of all steps so far", "Where the estimates part")
-    name_times(axis, time, (begin[0], end[-1]), 6.2)
+    label(axis, "", "cost of all steps so far", "")
+    titled(axis, style, "Where the estimates part")
+    name_times(axis, time, (begin[0], end[-1]), style.width)
     legend(made, lines, names, 1)
     return made
 
@@ -351,12 +355,13 @@ def draw_sweep(found: Sweep, style: Style) -> Figure:
     """
     table: Columns = found.columns()
     x = [point.value for point in found.points]
-    made, axes = figure(11.0, 4.6, rows=2, columns=4)
+    rows = 2 if style.wide else 4  # a column of a journal has room for two panels
+    made, axes = figure(style.width, 0.75 * rows * style.low, rows, 8 // rows)
     panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
     panels |= {f"number, {name}": f"{name}_count" for name in COUNTED_PARTS}
     for k, (axis, (title, name)) in enumerate(zip(axes.flat, panels.items(), strict=True)):
         at = k % len(PARTS)
-        looks: dict[str, Any] = {"marker": MARKERS[at], "ms": 4, "clip_on": False}
+        looks: dict[str, Any] = {"marker": MARKERS[at], "ms": style.mark, "clip_on": False}
         looks["color"] = INK if name == "tgospa" else LIGHT[PARTS[at]]
         axis.plot(x, table[name], "-", **looks)
         if name == "tgospa" and not found.certified:
@@ -387,7 +392,6 @@ def draw_sweep(found: Sweep, style: Style) -> Figure:
 # -------------------------------------------------------------------------------------------------
 # Of a batch: values side by side, what costs are made of, curves over steps.
 
-DASHES_OF_LINES = ("-", "--", ":", "-.")
 MOST_BARS = 40
 
 PANEL = 0.62
@@ -482,7 +486,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
             axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
         if parts and row + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    legend(made, list(drawn.values()), list(drawn), 4 if style.wide else 3)
     return made
 
 
@@ -540,15 +544,11 @@ def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
     """A line with its band."""
-    colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
+    looks = line_looks(track, marked=len(at) == 1)
+    looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
         low, high = (np.array(end, float) for end in curve.bands[name])
         axis.fill_between(at, low, high, color=colour, alpha=0.16, linewidth=0)
-    looks: dict[str, Any] = {
-        "color": colour,
-        "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
-    }
-    looks |= {"marker": "o"} if len(at) == 1 else {}
     return axis.plot(at, curve.values(name), clip_on=False, **looks)[0]
 
 

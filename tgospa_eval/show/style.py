@@ -114,6 +114,15 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito: distinguished by those who do not see all colours, and in print."""
 
 MARKERS = "osD^vPX"
+DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10, 2, 2, 2, 2, 2)))
+
+
+def line_looks(k: int, *, marked: bool = False) -> dict[str, Any]:
+    """Colour and dashes of the k-th line, which differ in grey too; with its marker if `marked`."""
+    marker = {"marker": MARKERS[k % len(MARKERS)]} if marked else {}
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], **marker}
+
+
 DOTS = 150
 """Dots per inch."""
 
@@ -165,6 +174,16 @@ class Style:
     worst: int
     settings: Mapping[str, Any]
 
+    @property
+    def wide(self) -> bool:
+        """Whether there is room for several panels side by side."""
+        return self.width > 5
+
+    @property
+    def mark(self) -> float:
+        """Size of a marker on a line, in points."""
+        return 0.5 * float(self.settings["font.size"])
+
 
 _BOTH = {"axes.titley": 1.0}
 """No ticks are on top; to look for them in each draw takes as long as the text."""
@@ -196,8 +215,11 @@ STYLES = {
     "paper": Style(
         width=3.5, low=1.7, dots=400, titles=False, bars=300, lanes=24, worst=5, settings=_PAPER
     ),
+    "paper-wide": Style(
+        width=7.16, low=1.9, dots=400, titles=False, bars=600, lanes=40, worst=5, settings=_PAPER
+    ),
 }
-"""``--style``: a window or a page of notes, or one column of a journal without titles."""
+"""``--style``: a window or a page of notes; one column of a journal, or both, without titles."""
 
 INK, SOFT = LIGHT["ink"], LIGHT["soft"]
 MISSED, FALSE = LIGHT["missed"], LIGHT["false"]

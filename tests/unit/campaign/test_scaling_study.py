@@ -200,10 +200,15 @@ def test_one_process_at_a_time(tmp_path: Path, invoke: Invoke) -> None:
 def test_report(tmp_path: Path, invoke: Invoke) -> None:
     pytest.importorskip("matplotlib")
     folder = tmp_path / "study"
-    answer = invoke(*SMALL, "-o", str(folder), "--format", "markdown")
+    given = ("--format", "markdown", "--pictures", "png,pdf", "--style", "paper")
+    answer = invoke(*SMALL, "-o", str(folder), *given)
     report = (folder / "report.md").read_text(encoding="utf-8")
     assert answer.out in report
     pictures = {path.name for path in folder.glob("*.png")}
     assert pictures == {"error_over_epsilon.png", "scaling.png"}
+    assert report.count(".png)") == 2
+    assert ".pdf" not in report
+    assert len([*folder.glob("*.pdf")]) == 2
+    assert "Scaling study on simulated scenes" in (folder / "report.html").read_text("utf-8")
     assert set(re.findall(r"\]\((.+)\)", report)) == pictures
     assert "12 scenes of 4 sizes, 3 runs each: all brackets overlap" in report

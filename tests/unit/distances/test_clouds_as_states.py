@@ -653,7 +653,7 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
 def test_the_folder_of_an_association(write: Write, invoke: Run, tmp_path: Path) -> None:
     a, b = write("a.csv", TRUTH), write("b.csv", ESTIMATE.replace("b,0,1,50,51", "b,0,1,90,90"))
     plain = "associate", a, b, "-c", "4", *WHOLE
-    status, out, err = invoke(*plain, "-o", "pairs", "--format", "json")
+    status, out, err = invoke(*plain, "-o", "pairs", "--format", "json", "--pictures", "png")
     assert status == 0, err
     assert "to pairs/; open pairs/report.html" in err
     files = {file.name for file in (tmp_path / "pairs").iterdir() if file.name[0] != "."}

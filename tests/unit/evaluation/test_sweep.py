@@ -195,7 +195,7 @@ def test_values_of_a_sweep(text: str, name: str, values: list[float]) -> None:
         (["--sweep", "cutoff=5,5"], "cutoff 5 is given twice"),
         (["--sweep", "cutoff=1,2", "--sweep", "order=1,2"], "one parameter is swept at a time"),
         (["--sweep", "cutoff=1,2", "--by", "class"], "choose one class by --class"),
-        (["--sweep", "cutoff=1,2", "-o", "x", "--style", "paper"], "--style is not for"),
+        (["--sweep", "cutoff=1,2", "-o", "x", "--components", "false"], "--components is not for"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--plane", "x,y"], "--plane is not for"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--pictures", "gif"], 'pictures "gif": must be of'),
     ],
@@ -286,7 +286,7 @@ def test_the_folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> None:
     (tmp_path / "out" / "sweep.svg").write_text("mine")
     assert invoke(*given, "out").status == 0
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == [MANIFEST, "sweep.csv", "sweep.json", "sweep.svg"]
+    assert names == [MANIFEST, "report.html", "sweep.csv", "sweep.json", "sweep.svg"]
     result = invoke(*quickstart, "-o", "out")  # of another kind
     assert result.status == 2
     assert "is not empty" in result.err
@@ -300,7 +300,11 @@ def test_pictures_of_the_folder(
     given = (*quickstart, "--sweep", "order=1,2", "-c", "10", "-g", "5", "-q", "-o", "out")
     assert invoke(*given, "--pictures", formats).status == 0
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == {MANIFEST, "sweep.json", "sweep.csv", *(f"sweep.{kind}" for kind in files)}
+    pictures = {f"sweep.{kind}" for kind in files}
+    assert found == {MANIFEST, "report.html", "sweep.json", "sweep.csv", *pictures}
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "<h1><bdi>TGOSPA at 2 values of the order" in page
+    assert ("data:image/svg+xml" in page) is bool(files)
 
 
 # --- picture --------------------------------------------------------------------------------------

@@ -174,6 +174,31 @@ def test_lanes_that_have_no_room_share_one() -> None:
     assert height.max() == pytest.approx(0.8)
 
 
+def test_quiet_truths_share_a_lane() -> None:
+    truth = np.zeros((5, 45, 2))
+    truth[..., 0] = 100 * np.arange(45)
+    estimate = truth.copy()
+    estimate[2, 7] = np.nan
+    made = plot_lanes(evaluate(truth, estimate, cutoff=2.0, switch_penalty=1.0))
+    ticks = [text.get_text() for text in made.axes[0].get_yticklabels()]
+    assert ticks == ["7", "44 quiet"]
+    words = [text.get_text() for text in made.axes[0].texts]
+    assert "45 truths, 44 of them without miss or switch" in words
+
+
+def test_ids_and_directions_in_the_plane() -> None:
+    """Truths are named where they begin, estimates where they end; heads point onwards."""
+    texts = plot_plane(swap()).axes[0].texts
+    named = {text.get_text(): text.xy for text in texts if text.get_text()}
+    assert named["0"] == pytest.approx((0, 0), abs=0.01)
+    assert {"1", "2"} <= {*named}
+    heads = [(text.xyann, text.xy) for text in texts if not text.get_text()]
+    assert any(end == pytest.approx((3, 0), abs=0.01) and begin[0] < 3 for begin, end in heads)
+    assert not [
+        text for text in plot_plane(swap(), columns=("t", "y")).axes[0].texts if text.arrow_patch
+    ]
+
+
 def test_of_more_steps_than_dots_lanes_show_shares() -> None:
     truth = np.zeros((2000, 1, 2))
     estimate = truth.copy()

@@ -8,12 +8,12 @@ import itertools
 
 from tgospa_eval.show.charts import CHARTS, Pictures, pictures
 from tgospa_eval.show.several import FLOOR
-from tgospa_eval.show.style import styled
+from tgospa_eval.show.style import STYLES, styled
 
 
-def drawn(kind: str, subject: object) -> dict:
+def drawn(kind: str, subject: object, name: str = "screen") -> dict:
     """By name all pictures that show something."""
-    with styled() as style:
+    with styled(name) as style:
         made = {n: Pictures().drawn(chart, subject, style) for n, chart in CHARTS[kind].items()}
     return {name: figure for name, figure in made.items() if figure is not None}
 
@@ -117,6 +117,18 @@ def test_what_failed_is_not_drawn() -> None:
     assert drawn("study", {"sizes": failed}) == {}
     mixed = {"sizes": [STUDY["sizes"][3], *failed[:3]]}
     assert len(pictures("study", mixed)) == 2
+
+
+def test_lines_differ_in_grey() -> None:
+    """By their dashes, in pictures as wide as the style says; a legend lies beside the axes."""
+    for style in STYLES:
+        for made in (drawn("solvers", DOCUMENT, style), drawn("study", STUDY, style)):
+            for name, picture in made.items():
+                lines = [ln for ln in picture.axes[0].get_lines() if ln.get_label()[0] != "_"]
+                dashes = [str(line._unscaled_dash_pattern) for line in lines]
+                assert name == "time_over_error" or len({*dashes}) == len(dashes) > 1
+                assert picture.get_size_inches()[0] == STYLES[style].width
+                assert picture.axes[0].get_legend() is None
 
 
 def test_estimates() -> None:

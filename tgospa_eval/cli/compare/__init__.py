@@ -13,6 +13,7 @@ from tgospa_eval.cli.shared.click_builder import (
     CONFIG_FILE,
     EVALUATION,
     FORCE,
+    PICTURES,
     QUIET,
     WITH,
     OutputOptions,
@@ -34,7 +35,10 @@ OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
 }
 """Parameters that mean nothing in the other case."""
 
-OF_RESULTS = {"files", "format_", "columns_of_table", "output", "force", "config", "quiet"}
+OF_RESULTS = {
+    *("files", "format_", "columns_of_table", "output", "force", "config", "quiet"),
+    *("pictures", "style"),
+}
 """Parameters that mean something where saved results are ranked."""
 
 _comparison = partial(Option, section="Comparison")
@@ -91,11 +95,12 @@ COMPARE_OUTPUT = (
     report_format(),
     option(
         "-o, --output DIR",
-        "Write compare.json, CSV tables and pictures to this folder. A scaling study also writes "
-        "report.md, and each run as soon as it is done.",
+        "Write report.html, compare.json, CSV tables and pictures to this folder. A scaling study "
+        "also writes report.md, and each run as soon as it is done.",
         section="Output",
         type=PATH,
     ),
+    *PICTURES,
     WITH,
     COLUMNS_OF_TABLE,
     BY_OF_SETTINGS,

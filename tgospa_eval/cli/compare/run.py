@@ -25,7 +25,7 @@ from tgospa_eval.campaign.solver_runs import (
 from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
-from tgospa_eval.cli.shared.writing import can_draw, write_output
+from tgospa_eval.cli.shared.writing import drawn_pictures, probed, write_output
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
@@ -34,8 +34,9 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.show.charts import pictures
-from tgospa_eval.show.comparison import pairs_columns, render, study_report
-from tgospa_eval.show.files import COMPARISON, STUDY, Files, probe_folder
+from tgospa_eval.show.comparison import page, pairs_columns, render, study_report
+from tgospa_eval.show.files import COMPARISON, STUDY, Files
+from tgospa_eval.show.html import document_page
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
@@ -76,17 +77,17 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        can_draw(quiet=output.quiet)
-        shown = pictures(answer["kind"], answer if drawn is None else drawn)
+        of, wanted = (answer["kind"], answer if drawn is None else drawn), drawn_pictures(output)
+        shown = {} if wanted is None else pictures(*of, wanted)
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),
+            "report.html": document_page(page(answer), *of, draws=wanted is not None),
             **tables(),
             **shown,
         }
         if answer["kind"] == "study":
-            names = [name.removesuffix(".png") for name in shown]
-            files["report.md"] = study_report(answer, names)
+            files["report.md"] = study_report(answer, shown)
         return files
 
     try:
@@ -158,8 +159,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
             raise InputError(place[0])
         if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
-    if output.output is not None:
-        probe_folder(output.output, COMPARISON, force=output.force)
+    probed(output, COMPARISON, "solvers", "estimates")
     stopwatch = new_stopwatch(quiet=output.quiet)
     return PairReader(resolve_request(request), stopwatch, notifier(quiet=output.quiet))
 
@@ -211,8 +211,7 @@ def compare_estimates(
 
 def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
     """Rank saved results by their proven brackets; whether all did what was asked of them."""
-    if output.output is not None:
-        probe_folder(output.output, COMPARISON, force=output.force)
+    probed(output, COMPARISON, "estimates")
     return show_ranking(rank_saved(files, notifier(quiet=output.quiet)), output)
 
 
@@ -305,8 +304,7 @@ def study_sizes(
         An option has no meaning, or the folder is of another study or cannot be written.
     """
     folder, quiet = output.output, output.quiet
-    if folder is not None:
-        probe_folder(folder, STUDY, force=output.force)
+    probed(output, STUDY, "study")
     settings = resolve_request(request)
     scene = Scene(scenario=scenario, area=area)
     study = Study(

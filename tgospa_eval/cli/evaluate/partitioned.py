@@ -56,7 +56,7 @@ def evaluate_parts(
     """
     resolved = resolve_request(options)
     if output.output is not None:
-        probed_folder(output.output, options, output, TABLE_FILES)
+        probed_folder(options, output, TABLE_FILES)
     stopwatch = new_stopwatch(quiet=output.quiet)
     if not output.quiet:
         print_notice(f"{why}: it is read in parts")

@@ -52,7 +52,7 @@ def evaluate_files(
         # Here: only where there is a folder.
         from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
-        wanted = probed_folder(output.output, options, output)
+        wanted = probed_folder(options, output)
     stopwatch = Stopwatch()
     if not output.quiet:
         stopwatch.notify = output_line

@@ -8,16 +8,17 @@ import numpy as np
 
 from tgospa_eval.api.compare import sweep_sides, swept_parameters
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_builder import OF_PICTURES, OutputOptions
+from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
-from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
+from tgospa_eval.cli.shared.writing import can_draw, probed, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.charts import pictures
 from tgospa_eval.show.comparison import sweep_document
-from tgospa_eval.show.files import SWEEP, Files, probe_folder
+from tgospa_eval.show.files import SWEEP, Files
+from tgospa_eval.show.html import document_page
 from tgospa_eval.show.rendering import csv_text, rendered
 from tgospa_eval.text import quoted
 
@@ -70,11 +71,7 @@ def sweep_files(
     name, values = parse_sweep(texts)
     _check(name, options, output, typed)
     settings, parameters = swept_parameters(options, name, values)
-    wanted = None
-    if output.output is not None:
-        wanted = wanted_pictures(output)
-        also = () if wanted is None else tuple(f"sweep.{kind}" for kind in wanted.formats)
-        probe_folder(output.output, SWEEP, force=output.force, also=also)
+    wanted = probed(output, SWEEP, "sweep")
     stopwatch = new_stopwatch(quiet=output.quiet)
 
     def work() -> Sweep:
@@ -154,9 +151,9 @@ def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) 
         print_notice(
             f"--{_key(name)} {getattr(options, name):g} is passed over: --sweep says its values"
         )
-    odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
-    if odd:
-        raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
+    for odd in ("components", "plane"):
+        if odd in typed:
+            raise ConfigError(f"--{odd} is not for the picture of --sweep: leave one of them out")
     for given, name in ((options.curve, "curve"), (options.window, "window")):
         if given:
             raise ConfigError(f"--sweep and --{name}: leave one of them out")
@@ -180,13 +177,13 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the sweep", 0.0)
+        draws = wanted is not None and can_draw(quiet=output.quiet)
         files: dict[str, str | bytes] = {
             "sweep.json": found.to_json(),
             "sweep.csv": csv_text(found.columns()),
+            "report.html": document_page(sweep_document(found), "sweep", found, draws=draws),
         }
-        if wanted is not None and can_draw(quiet=output.quiet):
-            files |= pictures("sweep", found, wanted)
-        return files
+        return files | (pictures("sweep", found, wanted) if draws else {})
 
     write_output(output, SWEEP, make)
     makers = sweep_document, Sweep.to_json, Sweep.columns

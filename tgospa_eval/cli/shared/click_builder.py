@@ -118,8 +118,9 @@ PICTURE_OPTIONS = (
     ),
     _output(
         "--style NAME",
-        "Style of the pictures: screen, or paper for one column of a journal, without titles.",
-        type=click.Choice(("screen", "paper")),
+        "Style of the pictures: screen; or paper for one column of a journal, paper-wide for "
+        "both, without titles.",
+        type=click.Choice(("screen", "paper", "paper-wide")),
         default="screen",
     ),
     _output(
@@ -135,6 +136,11 @@ PICTURE_OPTIONS = (
     ),
 )
 """Of the pictures in a folder."""
+
+PICTURES = PICTURE_OPTIONS[:2]
+"""Of all pictures, whatever they are of."""
+
+STYLE = PICTURES[1]
 
 FORCE = _output("--force", "Write into a folder with other files in it.")
 
@@ -176,6 +182,7 @@ OUTPUT = (
     QUIET,
     VERBOSE,
 )
+
 
 OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 

@@ -87,7 +87,7 @@ def _made(
 
 
 def probed_folder(
-    folder: str, options: Request, output: OutputOptions, also: tuple[str, ...] = ()
+    options: Request, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
     """Look whether the folder can be written; the pictures that go into it.
 
@@ -98,15 +98,32 @@ def probed_folder(
     ConfigError
         It cannot, or something is wrong with what is to go into it.
     """
-    wanted = wanted_pictures(output)
-    also += () if wanted is None else wanted.names
     also += ("curve.csv",) if options.curve else ()
     also += ("windows.csv",) if options.window is not None else ()
     also += ("per_class.csv",) if options.by else ()
     also += ("explanation.json", "explanation.csv") if options.explain else ()
     also += (GEOJSON,) if output.geojson else ()
     also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
-    probe_folder(folder, RESULT, force=output.force, also=also)
+    return probed(output, RESULT, "result", also=also)
+
+
+def probed(
+    output: OutputOptions, kind: Kind, *charts: str, also: tuple[str, ...] = ()
+) -> "Pictures | None":
+    """See that the folder can be written if one was asked for; the pictures that go into it.
+
+    `charts` are kinds of pictures, `also` names of more files.
+
+    Raises
+    ------
+    ConfigError
+        It cannot, or something is wrong with the pictures.
+    """
+    if output.output is None:
+        return None
+    wanted = wanted_pictures(output)
+    also += () if wanted is None else wanted.names(*charts)
+    probe_folder(output.output, kind, force=output.force, also=also)
     return wanted
 
 

@@ -1,22 +1,32 @@
 // A lane for each truth, below them one for each estimate with false steps; what is scrolled to is drawn.
+const FOLDED = 40; // truths from which on those without any event are folded
 const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
   rows: [],
   names: 0,
   tall: 18,
+  all: document.getElementById("all-truths"),
 
   arrange() {
     const by = document.getElementById("order").value, rows = [];
     for (const name of ["truth", "estimate"]) {
       const side = sides[name];
       let tracks = [...Array(side.count).keys()];
-      if (name === "estimate") tracks = tracks.filter((k) => side.table.unassigned_count[k] > 0);
+      const eventful = tracks.filter((k) => side.table.unassigned_count[k] > 0 || (name === "truth" && switchesOf.truth.has(k)));
+      let folded = 0;
+      if (name === "estimate") tracks = eventful;
+      else {
+        const folds = side.count > FOLDED && eventful.length > 0 && eventful.length < side.count;
+        this.all.parentElement.hidden = !folds;
+        if (folds && !this.all.checked) [folded, tracks] = [side.count - eventful.length, eventful];
+      }
       const begin = (k) => side.run.begin[side.run.first[k]] ?? steps;
       if (by === "cost") tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
       if (by === "begin") tracks.sort((a, b) => begin(a) - begin(b));
-      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length, name), "with false steps"] : [`${tracks.length} of ${word(name)}`, "alone at some step"];
-      rows.push({ title: name === "truth" ? count : `${count} ${wrong}` });
+      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length + folded, name), "with false steps"] : [`${tracks.length + folded} of ${word(name)}`, "alone at some step"];
+      const quiet = folded ? `, ${folded} of them without any event and not shown` : "";
+      rows.push({ title: name === "truth" ? count + quiet : `${count} ${wrong}` });
       for (const track of tracks) rows.push({ side, track });
     }
     this.rows = rows;
@@ -35,7 +45,13 @@ const lanes = {
     return this.rows.findIndex((row) => row.track === track && row.side?.name === name);
   },
   reveal() {
-    const index = this.rows.findIndex((row) => !row.title && isChosen(row.side.name, row.track));
+    const find = () => this.rows.findIndex((row) => !row.title && isChosen(row.side.name, row.track));
+    let index = find();
+    if (index < 0 && state.side === "truth" && state.track !== null && !this.all.checked) {
+      this.all.checked = true;
+      this.arrange();
+      index = find();
+    }
     if (index < 0) return;
     const y = index * this.tall, { scrollTop, clientHeight } = this.box;
     if (y < scrollTop) this.box.scrollTop = y - this.tall;
@@ -251,9 +267,11 @@ lanes.canvas.addEventListener("keydown", (event) => {
   else return;
   event.preventDefault();
 });
-document.getElementById("order").addEventListener("change", () => {
-  lanes.arrange();
-  lanes.box.scrollTop = 0;
-  lanes.reveal();
-  redraw();
-});
+for (const control of [document.getElementById("order"), lanes.all]) {
+  control.addEventListener("change", () => {
+    lanes.arrange();
+    lanes.box.scrollTop = 0;
+    if (control !== lanes.all) lanes.reveal();
+    redraw();
+  });
+}

@@ -2,6 +2,7 @@
 const GROUPED = 1500; // events from which on marks stand for several
 const CELL = 12; // pixels
 const COVERED = 0.08; // share of the plane that marks of one kind cover at most
+const NAMED = 30; // most tracks with their ids
 const FAINT = 50; // tracks from which on lines are fainter
 const plane = {
   canvas: document.getElementById("plane"),
@@ -103,7 +104,7 @@ const plane = {
   // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
     const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, shapes.dots.checked, printing];
-    const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, state.repair, this.canvas.width, ways]);
+    const drawn = JSON.stringify([this.view, state.from, state.to, state.step === null, state.side, state.track, state.repair, this.canvas.width, ways]);
     if (drawn !== this.drawn) {
       this.kept.width = this.canvas.width;
       this.kept.height = this.canvas.height;
@@ -135,6 +136,7 @@ const plane = {
       for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
       this.switches(context, only.truth, width, height);
     }
+    for (const name of ["truth", "estimate"]) this.ends(context, sides[name], only[name], width, height);
     context.restore();
   },
 
@@ -213,6 +215,36 @@ const plane = {
     }
     context.setLineDash([]);
     context.globalAlpha = 1;
+  },
+
+  // Heads of arrows where tracks end; ids there of estimates, of truths where they begin. Of many those that cost most.
+  ends(context, side, only, width, height) {
+    const [xs, ys] = this.coordinates(side), truth = side.name === "truth", taken = [];
+    const tracks = [...Array(side.count).keys()].filter((k) => !only || only.has(k));
+    tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
+    context.textAlign = "left";
+    context.lineWidth = 3;
+    context.strokeStyle = colour("paper");
+    for (const track of tracks.slice(0, NAMED)) {
+      const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
+      if (from >= to) continue;
+      const at = (k) => this.place(xs[k], ys[k], width, height), [x, y] = at(to - 1), [u, v] = at(Math.max(from, to - 4));
+      context.fillStyle = truth ? colour("truth") : colourOf(track);
+      if ((x !== u || y !== v) && !this.shownNames().includes(axisNames[TIME])) {
+        const turn = Math.atan2(y - v, x - u);
+        context.beginPath();
+        context.moveTo(x + 3 * Math.cos(turn), y + 3 * Math.sin(turn));
+        for (const side of [2.5, -2.5]) context.lineTo(x + 7 * Math.cos(turn + side), y + 7 * Math.sin(turn + side));
+        context.closePath();
+        context.fill();
+      }
+      const [p, q] = truth ? at(from) : [x, y], name = clipped(context, side.label[track], 110);
+      const right = p + 5 + context.measureText(name).width;
+      if (state.step !== null || taken.some(([a, b, c]) => p < c && right > a && Math.abs(q - b) < 13)) continue;
+      taken.push([p, q, right]);
+      context.strokeText(name, p + 5, q - 8);
+      context.fillText(name, p + 5, q - 8);
+    }
   },
 
   // What exists at one step and not at the next is no line.
