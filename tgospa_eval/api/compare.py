@@ -5,7 +5,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
@@ -15,7 +14,7 @@ from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.reading import called
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
-from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
+from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, runs_in_memory, short_names
 from tgospa_eval.campaign.ranking import (
     Entrants,
     RunOutcome,
@@ -44,7 +43,7 @@ from tgospa_eval.evaluation.prepare import PreparedPair, prepare
 from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.formats import Reading
-from tgospa_eval.formats.objects import TrajectoriesLike
+from tgospa_eval.formats.objects import Runs, TrajectoriesLike, is_path, runs_of
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
@@ -179,8 +178,8 @@ def sweep(
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
 """What the table of the command says of another command."""
 
-Estimates: TypeAlias = "Mapping[str, TrajectoriesLike] | Sequence[str | os.PathLike[str]]"
-"""Several by name, or paths."""
+Estimates: TypeAlias = "Mapping[str, Any] | Runs"
+"""Estimates or their runs by name, paths, or the runs of one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -229,8 +228,8 @@ class Compared:
 
 @with_options(*(name for name in ONE_EVALUATION if name != "with_"))
 def compare(
-    truth: "TrajectoriesLike",
-    estimates: "Estimates | TrajectoriesLike",
+    truth: "Runs",
+    estimates: "Estimates",
     cutoff: float | None = None,
     order: float = 2.0,
     switch_penalty: float | None = None,
@@ -244,10 +243,11 @@ def compare(
     Parameters
     ----------
     truth : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As for `evaluate`.
-    estimates : mapping from name to estimate, or list of paths
-        Estimates to rank, each as for `evaluate`; files are called by their paths. With `solvers`
-        a single estimate.
+        As for `evaluate`; or runs, one for each run of the estimates.
+    estimates : mapping from name to estimate or runs, list of paths, or runs of one estimate
+        Estimates to rank, each as for `evaluate`; files are called by their paths. Runs are a list
+        of such, an array (runs, T, k, d), a pair of times and such, a table with a column ``run``.
+        With `solvers` a single estimate.
     cutoff, order, switch_penalty, mapping
         As for `evaluate`, as all others.
     solvers : sequence of str or solver record
@@ -287,10 +287,11 @@ def compare(
             raise ConfigError(
                 f"{option('with_')} is for estimates that are ranked, not for solvers"
             )
-        found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
+        found = solvers_on(pairs, cast("Any", truth), cast("Any", estimates), chosen)
     else:
         named = _named(estimates)
-        runs = [(truth, list(named.values()))]
+        _, truths, own = runs_in_memory(truth, named)
+        runs = list(zip(truths, zip(*own.values(), strict=True), strict=True))
         request = settings.evaluation
         found, _ = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
         told = (Notice(**record) for record in found["warnings"])
@@ -299,23 +300,23 @@ def compare(
     return Compared(document=found)
 
 
-def _named(
-    estimates: object,
-) -> "Mapping[str, TrajectoriesLike]":
-    """Estimates by name.
+def _named(estimates: object) -> "Mapping[str, Any]":
+    """Estimates, or their runs, by name.
 
     Raises
     ------
     ConfigError
         They are none.
     """
-    found: Mapping[str, TrajectoriesLike] | None = None
+    found: Mapping[str, Any] | None = None
     if isinstance(estimates, Mapping):
         found = {str(name): estimate for name, estimate in estimates.items()}
-    elif isinstance(estimates, (list, tuple)):
-        paths = [os.fspath(p) for p in estimates if isinstance(p, (str, PurePath))]
+    elif isinstance(estimates, (list, tuple)) and any(map(is_path, estimates)):
+        paths = [os.fspath(path) for path in estimates if is_path(path)]
         if len(set(paths)) == len(estimates):
             found = {path: path for path in paths}
+    elif runs_of(estimates, "estimates"):
+        found = {"estimate": cast("Runs", estimates)}
     if not found:
         raise ConfigError(
             "estimates must be a mapping from name to estimate, or a list of different paths, at "

@@ -16,7 +16,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.files import is_regular
-from tgospa_eval.common.words import more
+from tgospa_eval.common.words import more, natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
@@ -43,6 +43,9 @@ class ArrayLike(Protocol):
     def __array__(self) -> "np.ndarray[Any, Any]":
         """The numbers."""
 
+
+ALL_AXES = 4
+"""Of an array (runs, T, k, d)."""
 
 TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequence[object]]"
 """Times and states."""
@@ -211,6 +214,10 @@ TrajectoriesLike: TypeAlias = (
 with its times, arrays by id, tracks of Stone Soup."""
 
 
+Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
+"""One side, or its runs, each such a side (`runs_of`)."""
+
+
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
     """Whether it is the path of a file."""
     return isinstance(side, (str, os.PathLike))
@@ -287,6 +294,37 @@ def _is_tracks(side: object) -> bool:
         and not hasattr(side, "__array__")
         and all(hasattr(item, "states") for item in side)
     )
+
+
+def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
+    """Runs of a Monte Carlo study by name, blank where they are in order; None of a single side.
+
+    They are a list of sides, an array (runs, T, k, d), a pair of times and such, or a table with
+    the column ``run``, in the order of its values.
+
+    Raises
+    ------
+    InputError
+        The column has a blank.
+    """
+    frame = as_frame(side, name)
+    if frame is not None:
+        if "run" not in frame:
+            return None
+        from tgospa_eval.formats.frames import id_text  # lazy: pandas
+
+        parts = frame.groupby("run", sort=False, dropna=False)
+        named = [(id_text(run, f"{name}, column run"), part) for run, part in parts]
+        return sorted(named, key=lambda run: natural(run[0]))
+    runs: Any = ()
+    if is_timed_array(side):
+        if getattr(side[1], "ndim", 0) == ALL_AXES:
+            runs = [(side[0], array) for array in array_of(side[1], name)]
+    elif hasattr(side, "__array__"):
+        runs = array_of(side, name) if getattr(side, "ndim", 0) == ALL_AXES else ()
+    elif isinstance(side, (list, tuple)) and not _is_tracks(side):
+        runs = side
+    return [("", run) for run in runs] or None
 
 
 def is_empty(side: object) -> bool:
@@ -475,7 +513,7 @@ def of_timed_array(
     return _timed(made, times)
 
 
-def is_timed_array(side: object) -> bool:
+def is_timed_array(side: object) -> TypeGuard[tuple[Any, Any]]:
     """Whether it is times and states."""
     return isinstance(side, tuple) and len(side) == 2 and hasattr(side[1], "__array__")
 
