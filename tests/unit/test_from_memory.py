@@ -74,8 +74,8 @@ def test_a_batch_has_the_numbers_of_its_files(
     assert_frame_equal(again.rows, mixed.rows)
     assert list(Path("memory/jobs").iterdir()) == parts
     one_each = compare(truth, lists, **GIVEN)
-    assert one_each.table["total"].sum() * RUNS == pytest.approx(files.groups["total"].sum())
-    assert list(one_each.table["name"]) == ["near", "far"]
+    assert one_each.table()["total"].sum() * RUNS == pytest.approx(files.groups["total"].sum())
+    assert list(one_each.table()["name"]) == ["near", "far"]
 
 
 @pytest.mark.process
@@ -87,8 +87,8 @@ def test_one_truth_for_all_runs(study: tuple[np.ndarray, dict[str, np.ndarray]])
     totals = [evaluate(truth, run, **GIVEN).total for run in runs]
     assert done.rows["total"].tolist() == pytest.approx(totals)
     found = compare((times, truth), (times, runs), **GIVEN)
-    assert found.table["name"].tolist() == ["estimate"]
-    assert found.table["total"][0] == pytest.approx(np.mean(totals))
+    assert found.table()["name"].tolist() == ["estimate"]
+    assert found.table()["total"][0] == pytest.approx(np.mean(totals))
     states = np.concatenate([runs, np.zeros_like(runs)], axis=3)  # x, y, vx, vy
     moving = np.concatenate([truth, np.zeros_like(truth)], axis=2)
     chosen = batch(moving, {"a": states}, mapping=(0, 1), workers=1, **GIVEN)

@@ -29,6 +29,7 @@ from tgospa_eval.api.batch_row import (
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
+from tgospa_eval.api.report import Reportable, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
@@ -56,7 +57,7 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.options import parse_moments
 from tgospa_eval.results.records import Json
-from tgospa_eval.show.batch import BatchTables, batch_report, curves_csv, slices_of_groups
+from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, option, quoted
@@ -65,8 +66,10 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from tgospa_eval.api.option_types import BatchEvaluationOptions
+    from tgospa_eval.api.report import Drawing
     from tgospa_eval.formats.objects import Components, Runs
     from tgospa_eval.show.batch import BandKind
     from tgospa_eval.show.charts import Pictures
@@ -99,7 +102,7 @@ Notify = Callable[[str], object]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Batch:
+class Batch(Reportable):
     """What `batch` found; printed it is the table of the command.
 
     Parameters
@@ -142,9 +145,58 @@ class Batch:
         return self.tables.groups
 
     def __str__(self) -> str:
-        return batch_report(self.tables, "table").rstrip("\n")
+        return self.rendered("table").rstrip("\n")
 
     __repr__ = __str__
+
+    @property
+    def comparisons(self) -> "pd.DataFrame":
+        """A row for each pair that is ranked: its proven order, and the test of the difference."""
+        import pandas as pd  # lazy: slow to import
+
+        rankings = self.tables.rankings
+        return pd.DataFrame(
+            {**one.parameters, **pair} for one in rankings for pair in one.comparisons
+        )
+
+    @property
+    def curves(self) -> "pd.DataFrame":
+        """A row for each group, kind of curve and time, as ``curve.csv``; of `per_step`."""
+        return as_frame(curves_columns(self.tables.curves))
+
+    @property
+    def drawn(self) -> BatchTables:
+        """Data of the pictures."""
+        return self.tables
+
+    @property
+    def kind(self) -> str:
+        """A batch."""
+        return "batch"
+
+    def table(self) -> "pd.DataFrame":
+        """A row for each group, as `groups`."""
+        return self.groups
+
+    def rendered(self, format: str) -> str:
+        """The report as ``--format`` prints it."""
+        return batch_report(self.tables, format)
+
+    def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Cost per step of each group, stacked by its parts."""
+        return self._plot("parts", **options)
+
+    def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Value per step of each job, by the labels."""
+        return self._plot("heat", **options)
+
+    def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
+        """RMS-TGOSPA over time of each group, with bands."""
+        return self._plot("curve", **options)
+
+    def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
+        """The parts of RMS-TGOSPA over time."""
+        return self._plot("curve-parts", **options)
 
 
 @with_options(*OF_ONE)
@@ -702,7 +754,7 @@ def batch_files(
     notify("report.html", 0.0)
     files: dict[str, str | bytes] = {"report.html": batch_page(tables, draws=wanted is not None)}
     if tables.curves:
-        files["curve.csv"] = curves_csv(tables.curves)
+        files["curve.csv"] = csv_text(curves_columns(tables.curves))
     if tables.slices:
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:

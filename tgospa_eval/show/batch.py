@@ -28,7 +28,6 @@ from tgospa_eval.show.rendering import (
     Table,
     best_cells,
     best_of,
-    csv_text,
     equal_names,
     first_names,
     order_in_words,
@@ -173,7 +172,7 @@ def on_one_axis(
     return axis, [at[own] for own in found], ends
 
 
-def curves_csv(curves: Sequence[RmsCurve]) -> str:
+def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
     """All curves in one table."""
     table: Columns = {}
     for curve in curves:
@@ -182,7 +181,7 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
         labels = {name: [value] * size for name, value in curve.group.items()}
         for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
             table.setdefault(name, []).extend(column)
-    return csv_text(table)
+    return table
 
 
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
