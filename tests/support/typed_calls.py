@@ -73,6 +73,7 @@ def right() -> None:
     recorder = Recorder()
     recorder.update(0.0, ["a"], [[0.0, 1.0]], [1, 2], array[0])
     recorder.update(datetime.datetime.now(datetime.UTC), ["a"], array[0], [1], array[0])
+    recorder.update(2.0, [1], [array[0]], [1], array, estimate_covariances=array)
     print(recorder.evaluate(cutoff=5.0, switch_penalty=2.0, order=1, rho=0.2).counts)
 
 

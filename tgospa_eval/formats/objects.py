@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tgospa_eval.formats.fields import Times
-    from tgospa_eval.tracks.clouds import Cloud
+    from tgospa_eval.tracks.clouds import Cloud, Clouds
     from tgospa_eval.tracks.trajectories import TimeArray
 
 
@@ -569,6 +569,8 @@ def from_rows(
     states: Floats,
     times: "Times",
     columns: tuple[str, ...] | None,
+    covariance: Floats | None = None,
+    clouds: "Clouds | None" = None,
 ) -> Trajectories:
     """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
 
@@ -586,6 +588,8 @@ def from_rows(
         Every one of them is a step, and they may repeat.
     columns : tuple of str, optional
         Names of the d columns, where there are so many.
+    covariance, clouds : (R, d, d) array, Clouds, optional
+        Covariances, or particles, of the states.
 
     Raises
     ------
@@ -622,6 +626,8 @@ def from_rows(
         ids=table,
         times=np.arange(len(moments)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
+        covariance=None if covariance is None else covariance[kept],
+        clouds=None if clouds is None else clouds.chosen(kept),
     )
     return _timed(made, times)
 
