@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.evaluate import evaluate as evaluate
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
+    from tgospa_eval.api.report import Sweep as Sweep
     from tgospa_eval.api.result import Result as Result
     from tgospa_eval.api.sensors import associate as associate
     from tgospa_eval.api.sensors import reduce as reduce
@@ -26,7 +27,6 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.formats import read_trajectories as read_trajectories
     from tgospa_eval.proof.check import verify as verify
     from tgospa_eval.results.explanation import Explanation as Explanation
-    from tgospa_eval.results.sweep import Sweep as Sweep
     from tgospa_eval.simulation.settings import simulate as simulate
     from tgospa_eval.solvers.certified import Certified as Certified
     from tgospa_eval.solvers.exact import Exact as Exact
@@ -43,7 +43,7 @@ _HOME = {
     "Result": "api.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
-    "Sweep": "results.sweep",
+    "Sweep": "api.report",
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",

@@ -295,14 +295,14 @@ def test_python_is_warned_as_well() -> None:
     files = {name: f"{name}.csv" for name in ("right", "sure")}
     with pytest.warns(TgospaWarning, match="covariances make this order"):
         found = compare("truth.csv", files, 12, 2, 5, distance="gaussian-wasserstein")
-    assert list(found.table["name"]) == ["sure", "right"]
-    assert found.table["nees_mean"][0] > 10 * found.table["nees_anees"][1]
+    assert list(found.table()["name"]) == ["sure", "right"]
+    assert found.table()["nees_mean"][0] > 10 * found.table()["nees_anees"][1]
     codes = [record["code"] for record in found.to_dict()["warnings"]]
     assert codes == ["overconfident", "order-by-covariances"]
     with pytest.warns(TgospaWarning, match="sure: covariances are too small"):
         found = compare("truth.csv", files, 12, 2, 5, with_=("nees", "gospa"))
-    assert list(found.table["name"]) == ["right", "sure"]
-    assert {"nees_mean", "gospa_total"} <= {*found.table}
+    assert list(found.table()["name"]) == ["right", "sure"]
+    assert {"nees_mean", "gospa_total"} <= {*found.table()}
     with pytest.raises(ConfigError, match="not for solvers"):
         compare("truth.csv", "sure.csv", 12, 2, 5, solvers=["exact"], with_="nees")
 

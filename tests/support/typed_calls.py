@@ -61,6 +61,10 @@ def right() -> None:
     sweep(truth, estimate, 10.0, rho=np.linspace(0, 1, 3), solver=Certified())
     batch("manifest.csv", output="store", cutoff=10, switch_penalty=2.0, distance="iou")
     batch(truth="gt/{a}.csv", estimate="t/{a}.csv", output=Path("store"), with_="hota", by="a")
+    batch(truth, {"a": [truth, array], "b": array}, cutoff=10, mapping=(0, 1))
+    batch(truth=[truth, "gt.csv"], estimate=([0, 1, 2], array), cutoff=10)
+    compare(table, {"a": [truth, estimate], "b": np.stack([array, array])}, 10.0)
+    compare([truth, estimate], [truth, array], 10.0)
     gate(truth, estimate, "baseline.json", update_baseline=True, cutoff=10.0, solver="exact")
     assert gate(suite="suite.toml", limits={"tgospa": 50.0}, fail_on=["total:+10%"]).passed
     print(associate(array, estimate, 10.0, a_format="csv", distance="mahalanobis", jobs=2).total)
@@ -69,6 +73,7 @@ def right() -> None:
     recorder = Recorder()
     recorder.update(0.0, ["a"], [[0.0, 1.0]], [1, 2], array[0])
     recorder.update(datetime.datetime.now(datetime.UTC), ["a"], array[0], [1], array[0])
+    recorder.update(2.0, [1], [array[0]], [1], array, estimate_covariances=array)
     print(recorder.evaluate(cutoff=5.0, switch_penalty=2.0, order=1, rho=0.2).counts)
 
 
@@ -91,7 +96,7 @@ def wrong(name: str) -> None:
     compare(truth, {"a": estimate}, epsilon="small")  # wrong
     sweep(truth, estimate, cutoff=[1, 2], with_="hota")  # wrong
     sweep(truth, estimate, cutoff=[1, 2], order="2")  # wrong
-    batch("manifest.csv", cutoff=10)  # wrong
+    batch("manifest.csv", cutoff="ten")  # wrong
     batch("manifest.csv", output="store", distance=Norm(name="euclidean", power=2))  # wrong
     batch("manifest.csv", output="store", jobs=2)  # wrong
     gate(truth, estimate, "baseline.json", cutof=10.0)  # wrong

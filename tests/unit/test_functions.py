@@ -159,20 +159,20 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
     shifted = np.asarray(tgospa_eval.read_trajectories(estimate).dense()) + 3.0
     with pytest.warns(TgospaWarning):  # of the empty one, by its name
         found = compare(truth, {"far": {}, "near": estimate}, **GIVEN)
-    assert found.table["name"].tolist() == ["near", "far"]
-    assert found.table["total"][0] == pytest.approx(evaluate(*quickstart, **GIVEN).total)
-    assert found.pairs["verdict"].tolist() == ["less"]
+    assert found.table()["name"].tolist() == ["near", "far"]
+    assert found.table()["total"][0] == pytest.approx(evaluate(*quickstart, **GIVEN).total)
+    assert found.comparisons["verdict"].tolist() == ["less"]
     assert "Proven order of these files by TGOSPA per step, best first: near, far" in str(found)
     assert "tgospa-eval" not in repr(found)
     assert json.loads(found.to_json()) == json.loads(json.dumps(found.to_dict()))
     times = tgospa_eval.read_trajectories(estimate).times
     late = compare(truth, [estimate], **GIVEN, time_offset=1.0, interpolate="estimate", max_gap=2.0)
     there = evaluate(*quickstart, **GIVEN, time_offset=1.0, interpolate="estimate", max_gap=2.0)
-    assert late.table["total"][0] == pytest.approx(there.total)
+    assert late.table()["total"][0] == pytest.approx(there.total)
     assert late.document["parameters"]["time_offset"] == 1.0
     three = compare(truth, {"a": estimate, "b": (times, shifted), "c": {}}, **GIVEN)
     assert {notice["code"] for notice in three.document["warnings"]} >= {"offset", "empty-side"}
-    assert len(three.pairs) == 3
+    assert len(three.comparisons) == 3
     for name, by in (("b", 3.0), ("c", 6.0)):
         rows = pd.read_csv(estimate).assign(x=lambda table, by=by: table["x"] + by)
         rows.to_csv(f"{name}.csv", index=False)
@@ -187,9 +187,9 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 def test_compare_solvers(quickstart: tuple[str, str]) -> None:
     found = compare(*quickstart, **GIVEN, solvers=["certified", "sinkhorn"])
-    assert found.table["name"].tolist() == ["certified", "sinkhorn 0.03"]
+    assert found.table()["name"].tolist() == ["certified", "sinkhorn 0.03"]
     assert found.document["agree"]
-    assert not len(found.pairs)
+    assert not len(found.comparisons)
     assert "Both brackets overlap" in str(found)
 
 

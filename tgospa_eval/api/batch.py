@@ -3,8 +3,10 @@
 import functools
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +29,7 @@ from tgospa_eval.api.batch_row import (
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
+from tgospa_eval.api.report import Reportable, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
@@ -46,14 +49,15 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.common.writing import read_manifest, unchanged
 from tgospa_eval.engines import Engine, engine_of, spread
-from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.errors import ConfigError, ExitStatus, InputError
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
-from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats import ROLES, runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.options import parse_moments
 from tgospa_eval.results.records import Json
-from tgospa_eval.show.batch import BatchTables, batch_report, curves_csv, slices_of_groups
+from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, option, quoted
@@ -62,10 +66,16 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from tgospa_eval.api.option_types import BatchEvaluationOptions
+    from tgospa_eval.api.report import Drawing
+    from tgospa_eval.formats.objects import Components, Runs
     from tgospa_eval.show.batch import BandKind
     from tgospa_eval.show.charts import Pictures
+
+IN_MEMORY = "in memory"
+"""What a store keeps in place of a path."""
 
 REPORT_FOLDER = "reports"
 
@@ -92,7 +102,7 @@ Notify = Callable[[str], object]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Batch:
+class Batch(Reportable):
     """What `batch` found; printed it is the table of the command.
 
     Parameters
@@ -135,17 +145,67 @@ class Batch:
         return self.tables.groups
 
     def __str__(self) -> str:
-        return batch_report(self.tables, "table").rstrip("\n")
+        return self.rendered("table").rstrip("\n")
 
     __repr__ = __str__
+
+    @property
+    def comparisons(self) -> "pd.DataFrame":
+        """A row for each pair that is ranked: its proven order, and the test of the difference."""
+        import pandas as pd  # lazy: slow to import
+
+        rankings = self.tables.rankings
+        return pd.DataFrame(
+            {**one.parameters, **pair} for one in rankings for pair in one.comparisons
+        )
+
+    @property
+    def curves(self) -> "pd.DataFrame":
+        """A row for each group, kind of curve and time, as ``curve.csv``; of `per_step`."""
+        return as_frame(curves_columns(self.tables.curves))
+
+    @property
+    def drawn(self) -> BatchTables:
+        """Data of the pictures."""
+        return self.tables
+
+    @property
+    def kind(self) -> str:
+        """A batch."""
+        return "batch"
+
+    def table(self) -> "pd.DataFrame":
+        """A row for each group, as `groups`."""
+        return self.groups
+
+    def rendered(self, format: str) -> str:
+        """The report as ``--format`` prints it."""
+        return batch_report(self.tables, format)
+
+    def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Cost per step of each group, stacked by its parts."""
+        return self._plot("parts", **options)
+
+    def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Value per step of each job, by the labels."""
+        return self._plot("heat", **options)
+
+    def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
+        """RMS-TGOSPA over time of each group, with bands."""
+        return self._plot("curve", **options)
+
+    def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
+        """The parts of RMS-TGOSPA over time."""
+        return self._plot("curve-parts", **options)
 
 
 @with_options(*OF_ONE)
 def batch(
-    *paths: "str | os.PathLike[str]",
-    output: "str | os.PathLike[str]",
-    truth: str | None = None,
-    estimate: str | None = None,
+    *paths: "Runs | Mapping[str, Any]",
+    output: "str | os.PathLike[str] | None" = None,
+    truth: "Runs | None" = None,
+    estimate: "Runs | Mapping[str, Any] | None" = None,
+    mapping: "Components | None" = None,
     layout: str | None = None,
     seqmap: "str | os.PathLike[str] | None" = None,
     by: str | Iterable[str] = (),
@@ -165,16 +225,24 @@ def batch(
     force: bool = False,
     **options: "Unpack[BatchEvaluationOptions]",
 ) -> Batch:
-    """Evaluate many pairs of files, as ``tgospa-eval batch`` does; what is done is not done again.
+    """Evaluate many pairs, of files or in memory, as ``tgospa-eval batch`` does.
+
+    What is stored in `output` is not done again.
 
     Parameters
     ----------
     *paths : str or path
-        A manifest; or the folders of truth and trackers, with `layout`.
-    output : str or path
-        The store.
-    truth, estimate : str, optional
-        Patterns with fields in the place of `paths`: ``"gt/{run}.csv"``.
+        A manifest; or the folders of truth and trackers, with `layout`; or `truth` and `estimate`
+        in memory.
+    output : str or path, optional
+        The store; without one nothing is kept but what is returned.
+    truth, estimate : str, or sides in memory, optional
+        In the place of `paths`: patterns with fields, ``"gt/{run}.csv"``. Or runs: a list of sides
+        as for `evaluate`, an array (runs, T, k, d), a pair of times and such, a table with a column
+        ``run``; one truth for all or one for each; of estimates also a mapping from tracker to
+        runs. Jobs have the labels ``tracker`` and ``run`` then.
+    mapping : sequence of int, or pair of such, optional
+        Of runs in memory as for `evaluate`.
     layout : {"motchallenge", "kitti"}, optional
         How the two folders are laid out.
     seqmap : str or path, optional
@@ -221,17 +289,39 @@ def batch(
         "with_": ",".join(each(with_)) or None,
         "slices": each(slices),
     }
-    target, told = os.fspath(output), list[str]()
+    told, plan = list[str](), None
+    sides: tuple[Any, Any] = (truth, estimate)
+    if truth is None and estimate is None and len(paths) == 2 and not all(map(is_path, paths)):
+        sides, paths = (paths[0], paths[1]), ()
+    if not all(side is None or is_path(side) for side in sides):
+        if paths or layout or any(side is None for side in sides):
+            raise ConfigError("sides in memory are truth and estimate, and nothing beside them")
+        plan = pairs.of_memory(*sides, mapping)
+    elif mapping is not None:
+        raise ConfigError(f"{option('mapping')} is for tracks and arrays in memory")
+    if output is None and reports:
+        raise ConfigError(f"{option('reports')} needs {option('output')}, where they are written")
     given |= {
+        **{
+            role: os.fspath(side) if is_path(side) else None if side is None else IN_MEMORY
+            for role, side in zip(ROLES, sides, strict=True)
+        },
         "evaluation": Request.of(evaluation),
-        "output": target,
         "seqmap": None if seqmap is None else os.fspath(seqmap),
         "by": each(by),
         "quiet": True,
     }
-    names = tuple(os.fspath(path) for path in paths)
-    done = evaluate_batch(names, BatchOptions.of(given), told.append)
-    if done.page:
+    names = tuple(os.fspath(path) for path in paths if is_path(path))
+    with (
+        tempfile.TemporaryDirectory()
+        if output is None
+        else nullcontext(os.fspath(output)) as target
+    ):
+        options_ = BatchOptions.of({**given, "output": target})
+        done = evaluate_batch(names, options_, told.append, plan)
+    if plan and (done.rows["status"] == "failed").all():
+        raise InputError(*dict.fromkeys(done.rows["message"]))
+    if done.page and output is not None:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
         except ConfigError as error:  # the rows are stored in any case
@@ -256,8 +346,10 @@ def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> Batch:
-    """Do what is not done yet.
+def evaluate_batch(
+    paths: tuple[str, ...], batch: BatchOptions, notify: Notify, plan: BatchPlan | None = None
+) -> Batch:
+    """Do what is not done yet, of the jobs that the options name or of a plan.
 
     Raises
     ------
@@ -266,7 +358,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
     _check_options(batch)
-    plan = planned(paths, batch)
+    plan = planned(paths, batch) if plan is None else plan
     for text in plan.notices:
         tell(text)
     _check_missing(plan, batch, notify)
@@ -505,7 +597,7 @@ def _left_over(
 
 def _size(task: JobTask) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
-    paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
+    paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
 
@@ -663,7 +755,7 @@ def batch_files(
     notify("report.html", 0.0)
     files: dict[str, str | bytes] = {"report.html": batch_page(tables, draws=wanted is not None)}
     if tables.curves:
-        files["curve.csv"] = curves_csv(tables.curves)
+        files["curve.csv"] = csv_text(curves_columns(tables.curves))
     if tables.slices:
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:

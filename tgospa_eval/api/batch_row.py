@@ -116,6 +116,7 @@ def key_of(
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
+    sha.update(job.digest.encode())
     for path in files:
         file = file_of(path)
         sha.update((digest or digest_of)(file))
@@ -147,7 +148,7 @@ def given_text(options: Request) -> str:
 def files_of(job: Job, options: Request) -> tuple[str, ...]:
     """The files that a job reads; a word in place of a name is a file that is not there."""
     named = (getattr(options, name) for name in NAMING_FILES)
-    return (job.truth, job.estimate, *filter(None, named))
+    return (*job.files, *filter(None, named))
 
 
 def evaluate_job(
@@ -179,7 +180,8 @@ def evaluate_job(
             stopwatch.notify = say
 
         def work() -> Evaluation:
-            sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, notify)
+            chosen = here.job.in_memory.get("mapping")
+            sides = read_sides(settings, *here.job.sides, stopwatch, notify, mapping=chosen)
             return evaluate_sides(settings, sides, stopwatch, notify)
 
         result = run(work, stopwatch) if run else work()
@@ -255,9 +257,7 @@ def _unseen(asked: JobTask, here: JobTask) -> Row | None:
     """What to say of a file that is not there for a worker of a cluster; None if all are."""
     if not asked.base:
         return None
-    needed = [
-        (file_of(task.job.truth), file_of(task.job.estimate), task.store) for task in (asked, here)
-    ]
+    needed = [(*map(file_of, task.job.files), task.store) for task in (asked, here)]
     for path, seen in zip(*needed, strict=True):
         if not os.path.exists(seen):
             told = f"the worker on {socket.gethostname()} does not see {seen}"

@@ -3,9 +3,7 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
-from pathlib import PurePath
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
@@ -14,8 +12,9 @@ from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.reading import called
+from tgospa_eval.api.report import Reportable, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
-from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
+from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, runs_in_memory, short_names
 from tgospa_eval.campaign.ranking import (
     Entrants,
     RunOutcome,
@@ -23,6 +22,8 @@ from tgospa_eval.campaign.ranking import (
     ranking_document,
     saved_outcomes,
     shared_metrics,
+    steps_columns,
+    steps_costs,
 )
 from tgospa_eval.campaign.solver_runs import (
     ONCE,
@@ -34,7 +35,7 @@ from tgospa_eval.campaign.solver_runs import (
     warm_up,
 )
 from tgospa_eval.common.arrays import Floats
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Resources
@@ -44,10 +45,10 @@ from tgospa_eval.evaluation.prepare import PreparedPair, prepare
 from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.formats import Reading
-from tgospa_eval.formats.objects import TrajectoriesLike
+from tgospa_eval.formats.objects import Runs, TrajectoriesLike, is_path, runs_of
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
-from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.results.records import Columns, Json
 from tgospa_eval.results.saved import (
     MADE_BY,
     OF_THE_ESTIMATE,
@@ -55,8 +56,7 @@ from tgospa_eval.results.saved import (
     saved_result,
     unlike,
 )
-from tgospa_eval.results.sweep import Sweep
-from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
+from tgospa_eval.show.comparison import COLUMNS, pairs_columns, render
 from tgospa_eval.solvers import SOLVERS, Solver, as_solver
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.coverage import refuse_own_marks
@@ -65,8 +65,10 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from tgospa_eval.api.option_types import CompareOptions, SweepOptions
+    from tgospa_eval.api.report import Drawing
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 
@@ -110,7 +112,7 @@ def sweep_sides(
     found = sweep_fitted(
         read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
     )
-    return replace(found, warnings=read.warnings)
+    return replace(recast(found, Sweep), warnings=read.warnings)
 
 
 @with_options(*ONE_EVALUATION)
@@ -179,58 +181,91 @@ def sweep(
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
 """What the table of the command says of another command."""
 
-Estimates: TypeAlias = "Mapping[str, TrajectoriesLike] | Sequence[str | os.PathLike[str]]"
-"""Several by name, or paths."""
+Estimates: TypeAlias = "Mapping[str, Any] | Runs"
+"""Estimates or their runs by name, paths, or the runs of one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compared:
+class Compared(Reportable):
     """What `compare` found; printed it is the table of the command.
 
     Parameters
     ----------
     document : dict
         The document of ``--format json``.
+    entrants : mapping of str to sequence of RunOutcome
+        What was ranked, with the costs of the steps; none of solvers.
     """
 
     document: Json
+    entrants: Entrants = field(default_factory=dict)
 
-    @cached_property
     def table(self) -> "pd.DataFrame":
         """A row for each estimate, the best first, or for each solver."""
-        import pandas as pd  # lazy: slow to import
+        return as_frame(COLUMNS[self.document["kind"]](self.document))
 
-        if self.document["kind"] == "estimates":
-            return pd.DataFrame(estimates_columns(self.document))
-        return pd.DataFrame(solvers_columns(self.document))
-
-    @cached_property
-    def pairs(self) -> "pd.DataFrame":
+    @property
+    def comparisons(self) -> "pd.DataFrame":
         """A row for each pair of estimates: the proven order, and the second less the first."""
-        import pandas as pd  # lazy: slow to import
+        return as_frame(pairs_columns(self.document) if self.document.get("pairs") else {})
 
-        if self.document["kind"] != "estimates" or not self.document["pairs"]:
-            return pd.DataFrame()
-        return pd.DataFrame(pairs_columns(self.document))
+    @property
+    def curves(self) -> "pd.DataFrame":
+        """Costs of each step, run and estimate, and what they are above those of the best."""
+        return as_frame(self.curves_columns() if self.entrants else {})
+
+    def curves_columns(self) -> Columns:
+        """The same as columns: ``per_step.csv``."""
+        return steps_columns(self.entrants, self.document["estimates"][0]["name"])
+
+    @property
+    def drawn(self) -> object:
+        """What pictures are of: the document, or times and costs of steps, the best first."""
+        if not self.entrants:
+            return self.document
+        times, costs = steps_costs(self.entrants)
+        names = [item["name"] for item in self.document["estimates"]]
+        return times, {name: costs[name] for name in names if costs}
+
+    @property
+    def kind(self) -> str:
+        """``"estimates"`` or ``"solvers"``."""
+        return str(self.document["kind"])
 
     def to_dict(self) -> Json:
         """The document as plain Python values."""
         return self.document
 
-    def to_json(self) -> str:
-        """The document: sorted keys, no NaN, full doubles."""
-        return json_text(self.document)
-
     def __str__(self) -> str:
-        return re.sub(COMMAND, "", render(self.document, "table"))
+        return self.rendered("table")
 
     __repr__ = __str__
+
+    def rendered(self, format: str) -> str:
+        """The report as ``--format`` prints it."""
+        return re.sub(COMMAND, "", render(self.document, format))
+
+    def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Cost of all steps so far, mean over the runs, a line for each estimate."""
+        return self._plot("cumulative", **options)
+
+    def plot_time_over_error(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Time and error of each solver."""
+        return self._plot("time_over_error", **options)
+
+    def plot_error_over_epsilon(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Errors of the solver sinkhorn by temperature."""
+        return self._plot("error_over_epsilon", **options)
+
+    def plot_convergence(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Bounds of the solver sinkhorn while it sweeps."""
+        return self._plot("convergence", **options)
 
 
 @with_options(*(name for name in ONE_EVALUATION if name != "with_"))
 def compare(
-    truth: "TrajectoriesLike",
-    estimates: "Estimates | TrajectoriesLike",
+    truth: "Runs",
+    estimates: "Estimates",
     cutoff: float | None = None,
     order: float = 2.0,
     switch_penalty: float | None = None,
@@ -244,10 +279,11 @@ def compare(
     Parameters
     ----------
     truth : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As for `evaluate`.
-    estimates : mapping from name to estimate, or list of paths
-        Estimates to rank, each as for `evaluate`; files are called by their paths. With `solvers`
-        a single estimate.
+        As for `evaluate`; or runs, one for each run of the estimates.
+    estimates : mapping from name to estimate or runs, list of paths, or runs of one estimate
+        Estimates to rank, each as for `evaluate`; files are called by their paths. Runs are a list
+        of such, an array (runs, T, k, d), a pair of times and such, a table with a column ``run``.
+        With `solvers` a single estimate.
     cutoff, order, switch_penalty, mapping
         As for `evaluate`, as all others.
     solvers : sequence of str or solver record
@@ -256,7 +292,7 @@ def compare(
     Returns
     -------
     Compared
-        Prints as the table of ``tgospa-eval compare``; `Compared.table` is a DataFrame.
+        Prints as the table of ``tgospa-eval compare``; `Compared.table()` is a DataFrame.
 
     Warns
     -----
@@ -282,40 +318,42 @@ def compare(
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, warnings_only=True)
     found: Json
+    entrants: Entrants = {}
     if chosen:
         if options.get("with_"):
             raise ConfigError(
                 f"{option('with_')} is for estimates that are ranked, not for solvers"
             )
-        found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
+        found = solvers_on(pairs, cast("Any", truth), cast("Any", estimates), chosen)
     else:
         named = _named(estimates)
-        runs = [(truth, list(named.values()))]
+        _, truths, own = runs_in_memory(truth, named)
+        runs = list(zip(truths, zip(*own.values(), strict=True), strict=True))
         request = settings.evaluation
-        found, _ = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
+        found, entrants = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
         told = (Notice(**record) for record in found["warnings"])
         notices += (notice for notice in told if notice.code in ABOUT_COVARIANCES)
     warn_user(notices)
-    return Compared(document=found)
+    return Compared(document=found, entrants=entrants)
 
 
-def _named(
-    estimates: object,
-) -> "Mapping[str, TrajectoriesLike]":
-    """Estimates by name.
+def _named(estimates: object) -> "Mapping[str, Any]":
+    """Estimates, or their runs, by name.
 
     Raises
     ------
     ConfigError
         They are none.
     """
-    found: Mapping[str, TrajectoriesLike] | None = None
+    found: Mapping[str, Any] | None = None
     if isinstance(estimates, Mapping):
         found = {str(name): estimate for name, estimate in estimates.items()}
-    elif isinstance(estimates, (list, tuple)):
-        paths = [os.fspath(p) for p in estimates if isinstance(p, (str, PurePath))]
+    elif isinstance(estimates, (list, tuple)) and any(map(is_path, estimates)):
+        paths = [os.fspath(path) for path in estimates if is_path(path)]
         if len(set(paths)) == len(estimates):
             found = {path: path for path in paths}
+    elif runs_of(estimates, "estimates"):
+        found = {"estimate": cast("Runs", estimates)}
     if not found:
         raise ConfigError(
             "estimates must be a mapping from name to estimate, or a list of different paths, at "

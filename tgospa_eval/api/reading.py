@@ -26,6 +26,7 @@ from tgospa_eval.formats.objects import (
     has_rows,
     is_empty,
     is_path,
+    with_plain_axes,
 )
 from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
@@ -253,6 +254,7 @@ def read_pair(
         what a side is.
     """
     names = called(given, names or roles)
+    given = tuple(with_plain_axes(*both) for both in zip(given, names, strict=True))
     if advise:
         check_places(names)
     sides = _read(resolved, given, roles, names, mapping, known)

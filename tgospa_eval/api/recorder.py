@@ -1,7 +1,7 @@
 """Ids and states of both sides, frame by frame, from the loop of a program."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.objects import array_of, from_rows, numbers_of, times_of
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -20,6 +21,15 @@ if TYPE_CHECKING:
     from tgospa_eval.api.option_types import RecorderOptions
     from tgospa_eval.api.result import Result
     from tgospa_eval.formats.objects import ArrayLike
+
+    States: TypeAlias = "Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike"
+
+
+Frame: TypeAlias = "tuple[list[str], Floats, Floats | Clouds | None]"
+"""Ids, states and their covariances or particles, of one side at one time."""
+
+PARTICLES = 3
+"""Axes of particles: (n, N, d)."""
 
 
 class Recorder:
@@ -39,7 +49,8 @@ class Recorder:
     def __init__(self) -> None:
         self._times: list[Any] = []
         self._size: tuple[int, str] | None = None
-        self._frames: dict[str, list[tuple[list[str], Floats]]] = {name: [] for name in ROLES}
+        self._kinds: dict[str, str] = {}
+        self._frames: dict[str, list[Frame]] = {name: [] for name in ROLES}
 
     def __repr__(self) -> str:
         return f"Recorder({len(self._times)} updates)"
@@ -51,9 +62,14 @@ class Recorder:
         self,
         t: Any,
         truth_ids: "Sequence[object] | ArrayLike",
-        truth: "Sequence[Sequence[float]] | ArrayLike",
+        truth: "States",
         estimate_ids: "Sequence[object] | ArrayLike",
-        estimate: "Sequence[Sequence[float]] | ArrayLike",
+        estimate: "States",
+        *,
+        truth_covariances: "ArrayLike | None" = None,
+        estimate_covariances: "ArrayLike | None" = None,
+        truth_weights: "States | None" = None,
+        estimate_weights: "States | None" = None,
     ) -> None:
         """Keep one frame.
 
@@ -64,22 +80,37 @@ class Recorder:
         truth_ids, estimate_ids : sequence of m, of n ids
             Texts or numbers, each at most once.
         truth, estimate : (m, d), (n, d) array or tensor
-            States in the order of the ids; they are copied. NaN means absent.
+            States in the order of the ids; they are copied. NaN means absent. Or particles: arrays
+            (N, d) for each id, of one size (n, N, d) or not.
+        truth_covariances, estimate_covariances : (m, d, d), (n, d, d) array, optional
+            Covariances of the states.
+        truth_weights, estimate_weights : (m, N), (n, N) array, optional
+            Weights of the particles, brought to the sum 1; equal by default.
 
         Raises
         ------
         InputError
             An id is there twice, the time does not increase, there are more or fewer ids than
-            states, or states have other numbers of components than before. Nothing is kept then.
+            states, covariances or weights; states have other numbers of components than before, or
+            are points, Gaussians or particles where others of the side are not. Nothing is kept
+            then.
         """
         t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # of a tensor
         where = f"update at t = {t}"
         self._check_time(t, where)
         size = self._size
         found = []
-        given = (truth_ids, truth), (estimate_ids, estimate)
-        for name, (ids, states) in zip(ROLES, given, strict=True):
-            names, array = _frame(ids, states, f"{where}, {name}")
+        given = (
+            (truth_ids, truth, truth_covariances, truth_weights),
+            (estimate_ids, estimate, estimate_covariances, estimate_weights),
+        )
+        for name, side in zip(ROLES, given, strict=True):
+            names, array, spread = _frame(*side, f"{where}, {name}")
+            kind, before = _kind(spread), self._kinds.get(name)
+            if names and before not in (None, kind):
+                raise InputError(
+                    f"{where}, {name}: {kind}, before {before}; all of a side are of one kind"
+                )
             if array.shape[1]:
                 size = size or (array.shape[1], f"{name} at t = {t}")
                 if array.shape[1] != size[0]:
@@ -87,9 +118,12 @@ class Recorder:
                         f"{where}, {name}: states of {array.shape[1]} components, those of "
                         f"{size[1]} have {size[0]}"
                     )
-            found.append((names, array))
+            found.append((names, array, spread))
         self._times.append(t)
         self._size = size
+        self._kinds |= {
+            name: _kind(spread) for name, (ids, _, spread) in zip(ROLES, found, strict=True) if ids
+        }
         for frames, frame in zip(self._frames.values(), found, strict=True):
             frames.append(frame)
 
@@ -143,9 +177,12 @@ class Recorder:
     def _trajectories(self, name: str, columns: tuple[str, ...] | None) -> Trajectories:
         frames, size = self._frames[name], 2 if self._size is None else self._size[0]
         ids: dict[str, int] = {}
-        track = [ids.setdefault(text, len(ids)) for names, _ in frames for text in names]
-        step = [k for k, (names, _) in enumerate(frames) for _ in names]
-        states = [array for names, array in frames if names]
+        there = [frame for frame in frames if frame[0]]
+        track = [ids.setdefault(text, len(ids)) for names, *_ in there for text in names]
+        step = [k for k, (names, *_) in enumerate(frames) for _ in names]
+        states = [array for _, array, _ in there]
+        covariances = [spread for *_, spread in there if isinstance(spread, np.ndarray)]
+        clouds = [spread for *_, spread in there if isinstance(spread, Clouds)]
         return from_rows(
             name,
             list(ids),
@@ -153,11 +190,24 @@ class Recorder:
             np.concatenate([np.zeros((0, size)), *states]),
             times_of(self._times, name),
             columns,
+            np.concatenate(covariances) if covariances else None,
+            _clouds(own[k] for own in clouds for k in range(len(own))) if clouds else None,
         )
 
 
-def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:
-    """Ids as texts, and a copy of the states (n, d); d = 0 if there are none."""
+def _kind(spread: object) -> str:
+    return {type(None): "points", Clouds: "particles"}.get(type(spread), "states with covariances")
+
+
+def _clouds(clouds: Iterable[Cloud]) -> Clouds:
+    """Points and weights of one or more objects, one behind the other."""
+    points, weights = zip(*clouds, strict=True)
+    first = np.cumsum([0, *map(len, points)])
+    return Clouds(points=np.concatenate(points), weights=np.concatenate(weights), first=first)
+
+
+def _frame(ids: object, states: Any, covariances: object, weights: Any, where: str) -> Frame:
+    """Ids as texts, a copy of the states (n, d), d = 0 if there are none, and what is around."""
     from tgospa_eval.formats.frames import id_text  # lazy: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
@@ -167,9 +217,16 @@ def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:
     if len(set(names)) < len(names):
         twice = next(text for k, text in enumerate(names) if text in names[:k])
         raise InputError(f"{where}: id {quoted(twice)} is there twice")
+    if names and hasattr(states, "__len__") and len(states) == len(names):
+        first = states if hasattr(states, "__array__") else [array_of(states[0], where)]
+        if np.ndim(first) == PARTICLES:
+            clouds = _particles(states, weights, where)
+            return names, clouds.means, clouds
+    if weights is not None and names:
+        raise InputError(f"{where}: weights are of particles, arrays (N, d) for each id")
     array = np.array(numbers_of(array_of(states, where), where))
     if not array.size and not names:
-        return names, np.zeros((0, 0))
+        return names, np.zeros((0, 0)), None
     if array.ndim != 2 or len(array) != len(names) or not array.shape[1]:
         raise InputError(
             f"{where}: {len(names)} ids and states of shape {array.shape}; must be (n, d) with a "
@@ -177,4 +234,32 @@ def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:
         )
     if np.isinf(array).any():
         raise InputError(f"{where}: infinite state; NaN means absent")
-    return names, array
+    if covariances is None:
+        return names, array, None
+    spread = np.array(numbers_of(array_of(covariances, where), where))
+    if spread.shape != (*array.shape, array.shape[1]):
+        raise InputError(
+            f"{where}: covariances of shape {spread.shape}; states {array.shape} have such of "
+            f"shape {(*array.shape, array.shape[1])}"
+        )
+    return names, array, spread
+
+
+def _particles(states: Any, weights: Any, where: str) -> Clouds:
+    """The particles of each object, with weights of the sum 1."""
+    clouds = []
+    for k, each in enumerate(states):
+        points = np.array(numbers_of(array_of(each, where), where))
+        own = np.ones(points.shape[:1]) if weights is None else numbers_of(weights[k], where)
+        if points.ndim != PARTICLES - 1 or own.shape != points.shape[:1] or not own.sum() > 0:
+            raise InputError(
+                f"{where}: particles of shape {points.shape} and weights {own.shape}; must be "
+                "(N, d) and (N,), not all 0"
+            )
+        clouds.append((points, own / own.sum()))
+    try:
+        return _clouds(clouds)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    except ValueError:
+        raise InputError(f"{where}: particles of unlike numbers of components") from None

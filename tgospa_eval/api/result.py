@@ -1,23 +1,27 @@
 """Evaluations as users hold them: records with methods that show, save, split and explain."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn, overload
 
+from tgospa_eval.api.report import Reportable, as_frame
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation
 from tgospa_eval.results.evaluation import DOCUMENTED, Evaluation
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import SPLIT_PARTS, PairProof
+from tgospa_eval.results.records import SPLIT_PARTS, Columns, PairProof
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
     import os
+    from typing import Unpack
 
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from tgospa_eval.results.gradient import Gradient
+    from tgospa_eval.show.charts import Place
     from tgospa_eval.show.plot_data import PlotData
 
 PUBLIC = (
@@ -25,14 +29,14 @@ PUBLIC = (
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices", "nees", "ignored"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
-    *("to_dict", "to_json", "to_html", "to_geojson", "save"),
+    *("table", "to_dict", "to_json", "to_markdown", "to_latex", "to_html", "to_geojson", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
     *("plot_windows", "plot_worst"),
 )
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
 
 
-class Showable(Evaluation):
+class Showable(Evaluation, Reportable):
     """An evaluation with its pictures, pages and slices."""
 
     def __dir__(self) -> list[str]:
@@ -71,7 +75,11 @@ class Showable(Evaluation):
         return slices_of(self, by)
 
     def plot_costs(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
+        self,
+        *,
+        style: str = "screen",
+        components: Sequence[str] | None = None,
+        **place: "Unpack[Place]",
     ) -> "Figure":
         """Cost of each step, stacked: localisation, missed, false, switch.
 
@@ -85,6 +93,9 @@ class Showable(Evaluation):
         components : sequence of str, optional
             Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
+        ax, figure : Axes, Figure or SubFigure of matplotlib, optional
+            Where to draw: axes, for a picture of one panel, which gets no title then; or an empty
+            figure. By default in a figure of its own.
 
         Returns
         -------
@@ -96,10 +107,14 @@ class Showable(Evaluation):
         ConfigError
             A name is unknown, or matplotlib is not installed.
         """
-        return self._plot("costs", style=style, components=components)
+        return self._plot("costs", style=style, components=components, **place)
 
     def plot_cumulative(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
+        self,
+        *,
+        style: str = "screen",
+        components: Sequence[str] | None = None,
+        **place: "Unpack[Place]",
     ) -> "Figure":
         """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
 
@@ -107,9 +122,9 @@ class Showable(Evaluation):
         value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
         those of `plot_costs`; the total is always drawn.
         """
-        return self._plot("cumulative", style=style, components=components)
+        return self._plot("cumulative", style=style, components=components, **place)
 
-    def plot_lanes(self, *, style: str = "screen") -> "Figure":
+    def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
         """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
 
         A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
@@ -117,10 +132,14 @@ class Showable(Evaluation):
         the others share one, in which a height says how many of them are missed, or false.
         Parameters, errors and return value are those of `plot_costs`.
         """
-        return self._plot("lanes", style=style)
+        return self._plot("lanes", style=style, **place)
 
     def plot_plane(
-        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+        self,
+        *,
+        columns: tuple[str, str] | None = None,
+        style: str = "screen",
+        **place: "Unpack[Place]",
     ) -> "Figure":
         """Trajectories in two of the state columns, with misses, false targets and switches.
 
@@ -147,9 +166,9 @@ class Showable(Evaluation):
         ConfigError
             A column or the style is unknown, or matplotlib is not installed.
         """
-        return self._plot("plane", columns=columns, style=style)
+        return self._plot("plane", columns=columns, style=style, **place)
 
-    def plot_nees(self, *, style: str = "screen") -> "Figure":
+    def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
         """NEES of each step with its 95 % band; of particles also the ranks of the truth.
 
         Errors and return value are those of `plot_costs`.
@@ -159,10 +178,14 @@ class Showable(Evaluation):
         ConfigError
             There is no NEES.
         """
-        return self._plot("nees", style=style)
+        return self._plot("nees", style=style, **place)
 
     def plot_windows(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
+        self,
+        *,
+        style: str = "screen",
+        components: Sequence[str] | None = None,
+        **place: "Unpack[Place]",
     ) -> "Figure":
         """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
 
@@ -173,21 +196,20 @@ class Showable(Evaluation):
         ConfigError
             Windows were not asked for.
         """
-        return self._plot("windows", style=style, components=components)
+        return self._plot("windows", style=style, components=components, **place)
 
     def plot_worst(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
+        self,
+        *,
+        style: str = "screen",
+        components: Sequence[str] | None = None,
+        **place: "Unpack[Place]",
     ) -> "Figure":
         """The costliest steps, truths and estimates, and what they cost.
 
         Parameters, errors and return value are those of `plot_costs`; only `components` count.
         """
-        return self._plot("worst", style=style, components=components)
-
-    def _plot(self, name: str, **options: Any) -> "Figure":
-        from tgospa_eval.show.charts import plot  # lazy: slow to import
-
-        return plot(self, name, **options)
+        return self._plot("worst", style=style, components=components, **place)
 
     @property
     def drawn(self) -> "PlotData":
@@ -195,6 +217,40 @@ class Showable(Evaluation):
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
+
+    @property
+    def kind(self) -> str:
+        """A result."""
+        return "result"
+
+    @overload
+    def table(self) -> "pd.DataFrame": ...
+
+    @overload
+    def table(self, name: str) -> Columns: ...
+
+    def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
+        """One row with all numbers, as of a batch; or a table by its name, as plain columns.
+
+        Names are those of the DataFrames, and ``"per_class"``; those that were not asked for have
+        no columns.
+
+        Raises
+        ------
+        ConfigError
+            There is no such table.
+        """
+        if name is not None:
+            return super().table(name)
+        from tgospa_eval.campaign.row import row_of  # lazy: few ask for it
+
+        return as_frame({key: [value] for key, value in row_of(self).items()})
+
+    def rendered(self, format: str) -> str:
+        """The report as ``--format`` prints it."""
+        from tgospa_eval.show.result_text import REPORTS  # lazy: slow to import
+
+        return REPORTS[format](self)
 
     def _repr_html_(self) -> str:
         from tgospa_eval.show.html import card  # lazy: jinja2 is slow to import

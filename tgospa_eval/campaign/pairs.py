@@ -14,11 +14,12 @@ from typing import Any
 
 from tgospa_eval.common import patterns
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import natural, parsed_whole
+from tgospa_eval.common.words import counted, natural, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import load
+from tgospa_eval.formats.objects import is_path, runs_of
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.text import listed, option, quoted
@@ -68,6 +69,11 @@ class Job:
         What the gate says of a pair with a fault.
     is_new : bool
         Whether the target that judges does not know it.
+    in_memory : mapping of str to object
+        Sides that are no files, by role, which `truth` and `estimate` only name; and ``mapping``,
+        the components to compare.
+    digest : str
+        Of these.
     """
 
     truth: str = ""
@@ -80,6 +86,19 @@ class Job:
     fault: str = ""
     fault_is: str = "error"
     is_new: bool = False
+    in_memory: Mapping[str, Any] = field(default_factory=dict)
+    digest: str = ""
+
+    @property
+    def sides(self) -> tuple[Any, Any]:
+        """Truth and estimate, as they are read."""
+        known = self.in_memory.get
+        return known("truth", self.truth), known("estimate", self.estimate)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The paths of truth and estimate that are files."""
+        return tuple(filter(is_path, self.sides))
 
     @property
     def title(self) -> str:
@@ -404,6 +423,77 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
             )
         seen.add(key)
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
+
+
+# -------------------------------------------------------------------------------------------------
+# Runs in memory.
+
+
+def runs_in_memory(
+    truth: Any, estimates: Mapping[str, Any]
+) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
+    """Names of the runs, blank of a single one; the truth of each; by name the estimates of each.
+
+    Raises
+    ------
+    InputError
+        Sides have other runs than others.
+    """
+    sides = [("truth", truth), *estimates.items()]
+    each = [(name, side, runs_of(side, name)) for name, side in sides]
+    several = [(name, runs) for name, _, runs in each if runs is not None]
+    if not several:
+        return [""], [truth], {name: [side] for name, side in estimates.items()}
+    first, runs = next((one for one in several if one[1][:1] and one[1][0][0]), several[0])
+    size = len(str(len(runs)))
+    names = [name or f"{k:0{size}}" for k, (name, _) in enumerate(runs, 1)]
+    made: list[list[Any]] = []
+    for k, (name, side, own) in enumerate(each):
+        own = [("", side)] * (1 if k else len(names)) if own is None else own
+        if len(own) != len(names):
+            raise InputError(
+                f"{first} has {counted(len(names), 'run')}, {name} {len(own)}: all have the same "
+                "runs, and the truth may be one for all; a run without objects is []"
+            )
+        wrong = next((run for run, _ in own if run and run not in names), None)
+        if wrong is not None:
+            raise InputError(f"{name}: {first} has no run {quoted(wrong)}; all have the same runs")
+        made.append([run for _, run in own])
+    return names, made[0], dict(zip(estimates, made[1:], strict=True))
+
+
+def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
+    """The jobs of sides in memory: of each run, and of each tracker where these have names.
+
+    Raises
+    ------
+    InputError
+        Sides have other runs than others, or there is none.
+    """
+    from joblib import hash as digest_of  # lazy: slow to import
+
+    is_named = isinstance(estimates, Mapping)
+    trackers = {str(k): v for k, v in estimates.items()} if is_named else {"estimate": estimates}
+    names, truths, own = runs_in_memory(truth, trackers)
+    digests = [digest_of(one) for one in (truths if truths[0] is not truths[-1] else truths[:1])]
+    jobs = []
+    for tracker, k in itertools.product(own, range(len(names))):
+        labels = ({"tracker": tracker} if is_named else {}) | (
+            {"run": names[k]} if names[k] else {}
+        )
+        sides = {"truth": truths[k], "estimate": own[tracker][k]}
+        in_memory = {role: side for role, side in sides.items() if not is_path(side)}
+        of_all = f"truth {names[k]}".rstrip() if len(digests) > 1 else "truth"
+        paths: dict[str, Any] = {
+            "truth": of_all,
+            "estimate": "/".join(labels.values()) or "estimate",
+        }
+        paths |= {role: os.fsdecode(side) for role, side in sides.items() if is_path(side)}
+        if in_memory:
+            in_memory |= {"mapping": mapping}
+        digest = digest_of((digests[k % len(digests)], sides["estimate"], mapping))
+        jobs.append(Job(**paths, labels=labels, in_memory=in_memory, digest=digest))
+    return BatchPlan(jobs=tuple(jobs))
 
 
 # -------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.results.records import PARTS, Json
-from tgospa_eval.results.sweep import Point, Sweep
+from tgospa_eval.results.sweep import Point, SweepEvaluation
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 from tgospa_eval.text import option
@@ -82,7 +82,7 @@ def sweep_fitted(
     *,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> Sweep:
+) -> SweepEvaluation:
     """`sweep` with everything resolved.
 
     Parameters
@@ -110,7 +110,7 @@ def sweep_fitted(
     points = line.points()
     others = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
     left, right = measured.sides
-    return Sweep(
+    return SweepEvaluation(
         parameter=parameter,
         points=points,
         settings={**others, **measured.settings, **solver_settings(request.solver)},

@@ -2,8 +2,10 @@
 
 A structure with ``tVec`` (n,), the first step of each trajectory, from 1 on; ``iVec`` (n,), their
 lengths; ``xState`` (d, T, n), the states by step, of which those within a trajectory count. NaN
-among these is a hole, in which the target is absent. A cell may have one in each element: the runs
-of a Monte Carlo study. Or arrays as of `formats.arrays`, in a structure or by themselves.
+among these is a hole, in which the target is absent. Or arrays as of `formats.arrays`, in a
+structure or by themselves. Or cells by step, ``X{k}`` (d, n_k) with labels ``L{k}`` (l, n_k), as
+toolboxes of random finite sets have them. A cell or a structure array may have one of these in each
+element: the runs of a Monte Carlo study.
 """
 
 import io
@@ -95,8 +97,8 @@ def _variables(data: bytes, room: Room) -> Variables:
             raise ValueError("it ends early")
         for name, sizes, class_ in whosmat(_file(header, element)):
             is_array = class_ in NUMERIC
-            is_read = is_array or class_ == "cell" or (class_ == "struct" and prod(sizes) == 1)
-            cells = prod(sizes) if class_ == "cell" else 0
+            is_read = is_array or class_ in ("cell", "struct")
+            cells = 0 if is_array else prod(sizes)
             read = partial(_read, header, element, kind == DEFLATED, name, cells, room)
             found[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
     return found
@@ -135,10 +137,18 @@ def _value(item: Any) -> Value:
     if type(item) is not np.ndarray:  # sparse matrices, objects, functions
         return None
     if item.dtype.names is not None:
-        return {k: _value(item.flat[0][k]) for k in item.dtype.names} if item.size == 1 else None
+        each: list[Callable[[], Value]] = [
+            partial(_fields, element) for element in item.ravel(order="F")
+        ]
+        return each[0]() if len(each) == 1 else each
     if item.dtype.kind == "O":
         return [partial(_value, element) for element in item.ravel(order="F")]
     return item if item.dtype.kind in "iuf" else None
+
+
+def _fields(element: Any) -> Value:
+    """A structure, or an element of a structure array."""
+    return {name: _value(element[name]) for name in element.dtype.names}
 
 
 # -------------------------------------------------------------------------------------------------
@@ -147,8 +157,24 @@ def _value(item: Any) -> Value:
 
 MAT_73 = b"MATLAB 7.3 MAT-file"
 
-EMPTY = "MATLAB_empty"
-"""Attribute of HDF5."""
+EMPTY, CLASS = "MATLAB_empty", "MATLAB_class"
+"""Attributes of HDF5."""
+
+
+def _elements(fields: Structure, group: Any) -> Value:
+    """A structure; or the elements of a structure array, whose fields are lists and no cells."""
+    lists = {
+        name: own
+        for name, own in fields.items()
+        if isinstance(own, list) and CLASS not in group[name].attrs
+    }
+    if not lists or len(lists) < len(fields):
+        return fields
+
+    def element(k: int) -> Value:
+        return {name: own[k]() for name, own in lists.items()}
+
+    return [partial(element, k) for k in range(min(map(len, lists.values())))]
 
 
 @contextmanager
@@ -181,7 +207,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
 
     def value(item: Any, name: str) -> Value:
         if isinstance(item, h5py.Group):
-            return {field: within(item, field) for field in sorted(item)}
+            return _elements({field: within(item, field) for field in sorted(item)}, item)
         if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
             return None
         is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
@@ -206,10 +232,13 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
 # Which of the variables are meant.
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
-NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id"
+NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
 
-VARIABLES = {"truth": "X", "estimate": "Y"}
-"""What the published code calls its arguments: the one to take where a file has several."""
+VARIABLES = {"truth": ("X", "truth"), "estimate": ("Y", "est", "estimate")}
+"""What the published code, and toolboxes, call them: the one to take where a file has several."""
+
+STATES, LABELS = "X", ("L", "track_list")
+"""Cells with the states and the labels of each step."""
 
 
 def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -354,11 +383,59 @@ def _run(name: str, place: int) -> str:
 
 
 def _is_set(value: Value) -> bool:
-    """Whether this is a set of trajectories."""
+    """Whether this is a set of trajectories, in an element also the array of its states."""
     if not isinstance(value, dict):
-        return False
+        return isinstance(value, np.ndarray) and value.ndim > 2
+    if isinstance(value.get(STATES), list):
+        return True
     sizes = {name: array.shape for name, array in value.items() if isinstance(array, np.ndarray)}
     return value.keys() >= {*TRAJECTORY_FIELDS} or bool(_states(sizes))
+
+
+def _size(value: Value) -> int:
+    return value.size if isinstance(value, np.ndarray) else 0
+
+
+def _by_step(fields: Structure, name: str) -> Structure:
+    """Cells with the states and labels of each step as arrays.
+
+    Raises
+    ------
+    InputError
+        States of a step are no d x n, have no label each, or two have the same.
+    """
+    cells = {key: value for key, value in fields.items() if isinstance(value, list)}
+    steps = [read() for read in cells[STATES]]
+    known = {key: [read() for read in cells[key]] for key in LABELS if key in cells}
+    named = [key for key, own in known.items() if any(map(_size, own))]
+    tracks: dict[str, int] = {}
+    rows: list[tuple[int, NDArray[np.int64], NDArray[Any]]] = []
+    for k, state in enumerate(steps):
+        if state is None or (isinstance(state, np.ndarray) and not state.size):
+            continue
+        where = f"{_run(f'{name}.{STATES}', k + 1)}"
+        if not isinstance(state, np.ndarray) or state.ndim != 2:
+            raise InputError(f"{where}: must be a numeric array d x n, a column for each object")
+        own = known[named[0]][k] if named and k < len(known[named[0]]) else None
+        count = state.shape[1]
+        if not isinstance(own, np.ndarray) or not own.size or own.size % count:
+            raise InputError(
+                f"{where}: {counted(count, 'state')} without a label each; {' or '.join(LABELS)} "
+                "says step by step which track a state is of"
+            )
+        labels = own.T if own.shape[-1] == count else own.reshape(count, -1)
+        ids = ["-".join(f"{part:g}" for part in label) for label in labels.tolist()]
+        if len(set(ids)) < count:
+            raise InputError(f"{where}: two states have one label in {named[0]}")
+        at = np.array([tracks.setdefault(text, len(tracks)) for text in ids], np.int64)
+        rows.append((k, at, state))
+    sizes = {len(state) for *_, state in rows} or {2}
+    if len(sizes) > 1:
+        raise InputError(f"{name}.{STATES}: states of {listed(sorted(map(str, sizes)))} components")
+    made = np.full((*sizes, len(steps), len(tracks)), np.nan)
+    for k, at, state in rows:
+        made[:, k, at] = state
+    return {"xState_dTn": made, "id": np.array([*tracks], dtype=np.str_)}
 
 
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
@@ -418,9 +495,12 @@ class _Sets:
         value = self.value(variable)
         if isinstance(value, list):
             value = value[int(place[:-1]) - 1]()
+        if isinstance(value, np.ndarray) and _is_set(value):
+            timed = {k: self.value(k) for k in self.arrays if meant(k)[0] == "t"}
+            return timed | {variable if meant(variable)[0] else "x": value}
         if not isinstance(value, dict) or not _is_set(value):
             raise InputError(f"{self.file}: {name} is {NO_SET}")
-        return value
+        return _by_step(value, name) if isinstance(value.get(STATES), list) else value
 
     def chosen(self, path: str, file: str, role: str) -> str:
         """What to read, ``X`` or ``Y{3}``: what the path names, else what is usual for the role.
@@ -438,13 +518,14 @@ class _Sets:
                     f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
                     "lengths, xState the states (d, T, n)"
                 )
-            asked = next(iter(self.there)) if len(self.there) == 1 else VARIABLES[role]
+            usual = next((k for k in VARIABLES[role] if k in self.there), VARIABLES[role][0])
+            asked = next(iter(self.there)) if len(self.there) == 1 else usual
             if asked not in self.there:
                 raise InputError(
                     f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say "
                     f"which, {path}:{self._firsts()[0]}"
                 )
-        parts = re.fullmatch(r"(\w+)(?:\{([0-9]+)\})?", asked)
+        parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", asked)
         name, place = parts.groups() if parts else (asked, None)
         count = self._count(name)
         if count is None:
@@ -453,10 +534,10 @@ class _Sets:
         if not count and place is None:
             return name
         if not count:
-            raise InputError(f"{path}: {name} is no cell; {self.file}:{name} reads it")
+            raise InputError(f"{path}: {name} has no runs; {self.file}:{name} reads it")
         if place is None and count > 1:
             raise InputError(
-                f"{path}: {name} is a cell of {counted(count, 'run')}; choose one, "
+                f"{path}: {name} has {counted(count, 'run')}; choose one, "
                 f"{self.file}:{_run(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
             )
         if not 1 <= int(place or 1) <= count:
@@ -487,7 +568,7 @@ class _Sets:
 
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
         """What is not read, where nobody said what to read."""
-        usual = VARIABLES[role]
+        usual = VARIABLES[role][0]
         if name in self.arrays:
             used = {name, *self.fields(name)}
             others = [sized(k, self.arrays.get(k, ())) for k in self.found if k not in used]

@@ -16,10 +16,16 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.files import is_regular
-from tgospa_eval.common.words import more
+from tgospa_eval.common.words import more, natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import FORMATS
-from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
+from tgospa_eval.formats.arrays import (
+    all_compared,
+    array_rows,
+    components,
+    meant,
+    spread_columns,
+)
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.roles import find_roles
@@ -33,7 +39,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tgospa_eval.formats.fields import Times
-    from tgospa_eval.tracks.clouds import Cloud
+    from tgospa_eval.tracks.clouds import Cloud, Clouds
     from tgospa_eval.tracks.trajectories import TimeArray
 
 
@@ -43,6 +49,9 @@ class ArrayLike(Protocol):
     def __array__(self) -> "np.ndarray[Any, Any]":
         """The numbers."""
 
+
+ALL_AXES = 4
+"""Of an array (runs, T, k, d)."""
 
 TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequence[object]]"
 """Times and states."""
@@ -203,12 +212,29 @@ class ArrowTable(Protocol):
         """Columns as an Arrow stream."""
 
 
+class NamedArray(Protocol):
+    """A DataArray or Dataset of xarray: its dimensions have names, and perhaps coordinates."""
+
+    @property
+    def dims(self) -> Any:
+        """Names of the dimensions."""
+
+    @property
+    def coords(self) -> Mapping[Any, Any]:
+        """Coordinates by name."""
+
+
 TrajectoriesLike: TypeAlias = (
     "Trajectories | pd.DataFrame | ArrowTable | ArrayLike | TimedArray | "
-    "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | str | os.PathLike[str]"
+    "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | NamedArray | str | "
+    "os.PathLike[str]"
 )
 """What a side may be: Trajectories, a table in the long form, a path, an array (T, k, d) or such
-with its times, arrays by id, tracks of Stone Soup."""
+with its times, arrays by id, arrays of xarray, tracks of Stone Soup."""
+
+
+Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
+"""One side, or its runs, each such a side (`runs_of`)."""
 
 
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
@@ -287,6 +313,133 @@ def _is_tracks(side: object) -> bool:
         and not hasattr(side, "__array__")
         and all(hasattr(item, "states") for item in side)
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Arrays with named axes: DataArray and Dataset of xarray, by their attributes.
+
+NAMED_AXES = {
+    "R": ("run", "realization", "realisation", "mc", "trial"),
+    "T": ("time", "t", "step", "frame", "timestamp", "scan"),
+    "n": ("object", "obj", "id", "track", "target", "trajectory"),
+    "N": ("particle", "sample"),
+    "d": ("state", "component", "coordinate", "coord", "axis", "space", "dim", "xyz", "xy"),
+}
+"""What the axes of `formats.arrays` are called, in the singular, without a number at the end."""
+
+ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
+"""The variable that has these axes, sorted."""
+
+
+def _axis_of(dim: object, name: str) -> str:
+    """The letter of a dimension.
+
+    Raises
+    ------
+    InputError
+        Its name is unknown.
+    """
+    word = str(dim).lower().rstrip("_0123456789")
+    for letter, words in NAMED_AXES.items():
+        if word in words or word.removesuffix("s") in words:
+            return letter
+    known = ", ".join(words[0] for words in NAMED_AXES.values())
+    raise InputError(f"{name}: a dimension {quoted(str(dim))}; those of {known} are known")
+
+
+def _has_named_axes(side: object) -> bool:
+    return all(hasattr(side, attribute) for attribute in ("dims", "coords", "isel"))
+
+
+def with_plain_axes(side: Any, name: str) -> Any:
+    """Arrays with named axes as a mapping of arrays by step and track; another side as it is.
+
+    A DataArray has states. Variables of a Dataset are states, covariances and particles by their
+    dimensions; without one of components each is a coordinate, or the weights by their name.
+
+    Raises
+    ------
+    InputError
+        An axis has an unknown name, there are none of time, or runs that nobody asked for.
+    """
+    if not _has_named_axes(side):
+        return side
+    axes = {dim: _axis_of(dim, name) for dim in side.dims}
+    if "T" not in axes.values() or "R" in axes.values():
+        what = "no time" if "T" not in axes.values() else "runs, which compare and batch take"
+        raise InputError(f"{name}: dimensions {', '.join(map(str, axes))}: {what}")
+    arrays: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
+    has_objects = "n" in axes.values()
+    for key, variable in getattr(side, "data_vars", {"x": side}).items():
+        letters = "".join(axes[dim] for dim in variable.dims)
+        values = np.asarray(variable.values)
+        if "T" not in letters or has_objects is not ("n" in letters):
+            continue
+        if not has_objects:
+            values, letters = values[..., None], f"{letters}n"
+        values = values.transpose(
+            sorted(range(len(letters)), key=lambda k: "TnNd".index(letters[k]))
+        )
+        kind = ARRAY_OF_AXES.get("".join(sorted(letters)), "")
+        if not kind and meant(str(key))[0] == "weights":
+            kind = "weights"
+        if kind in arrays:
+            raise InputError(
+                f"{name}: {key} is not the only variable of such dimensions; choose one"
+            )
+        if kind or values.dtype.kind in "iuf":
+            (arrays if kind else columns)[kind or str(key)] = values
+    if columns and not arrays.keys() & {"x", "particles"}:
+        axes_of_one = max(values.ndim for values in columns.values())
+        columns = {key: values for key, values in columns.items() if values.ndim == axes_of_one}
+        kind = "x" if axes_of_one == ALL_AXES - 2 else "particles"
+        arrays |= {kind: np.stack([*columns.values()], axis=-1), "columns": np.array([*columns])}
+    for dim, letter in axes.items():
+        kind = {"T": "t", "n": "id", "d": "columns"}.get(letter, "")
+        there = np.asarray(side.coords[dim].values) if kind and dim in side.coords else None
+        if there is not None and (kind != "columns" or there.dtype.kind in "UO"):
+            arrays.setdefault(kind, there)
+    return arrays
+
+
+def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
+    """Runs of a Monte Carlo study by name, blank where they are in order; None of a single side.
+
+    They are a list of sides, an array (runs, T, k, d), a pair of times and such, an array of xarray
+    with the dimension ``run``, or a table with such a column, in the order of its values.
+
+    Raises
+    ------
+    InputError
+        The column has a blank.
+    """
+    if _has_named_axes(side):
+        named_axes = cast("Any", side)
+        dim = next((dim for dim in named_axes.dims if _axis_of(dim, name) == "R"), None)
+        names = named_axes.coords[dim].values if dim in named_axes.coords else None
+        return dim and [
+            ("" if names is None else str(names[k]), named_axes.isel({dim: k}))
+            for k in range(named_axes.sizes[dim])
+        ]
+    frame = as_frame(side, name)
+    if frame is not None:
+        if "run" not in frame:
+            return None
+        from tgospa_eval.formats.frames import id_text  # lazy: pandas
+
+        parts = frame.groupby("run", sort=False, dropna=False)
+        named = [(id_text(run, f"{name}, column run"), part) for run, part in parts]
+        return sorted(named, key=lambda run: natural(run[0]))
+    runs: Any = ()
+    if is_timed_array(side):
+        if getattr(side[1], "ndim", 0) == ALL_AXES:
+            runs = [(side[0], array) for array in array_of(side[1], name)]
+    elif hasattr(side, "__array__"):
+        runs = array_of(side, name) if getattr(side, "ndim", 0) == ALL_AXES else ()
+    elif isinstance(side, (list, tuple)) and not _is_tracks(side):
+        runs = side
+    return [("", run) for run in runs] or None
 
 
 def is_empty(side: object) -> bool:
@@ -475,7 +628,7 @@ def of_timed_array(
     return _timed(made, times)
 
 
-def is_timed_array(side: object) -> bool:
+def is_timed_array(side: object) -> TypeGuard[tuple[Any, Any]]:
     """Whether it is times and states."""
     return isinstance(side, tuple) and len(side) == 2 and hasattr(side[1], "__array__")
 
@@ -531,6 +684,8 @@ def from_rows(
     states: Floats,
     times: "Times",
     columns: tuple[str, ...] | None,
+    covariance: Floats | None = None,
+    clouds: "Clouds | None" = None,
 ) -> Trajectories:
     """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
 
@@ -548,6 +703,8 @@ def from_rows(
         Every one of them is a step, and they may repeat.
     columns : tuple of str, optional
         Names of the d columns, where there are so many.
+    covariance, clouds : (R, d, d) array, Clouds, optional
+        Covariances, or particles, of the states.
 
     Raises
     ------
@@ -584,6 +741,8 @@ def from_rows(
         ids=table,
         times=np.arange(len(moments)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
+        covariance=None if covariance is None else covariance[kept],
+        clouds=None if clouds is None else clouds.chosen(kept),
     )
     return _timed(made, times)
 

@@ -2,17 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.results.records import Columns, Json, json_text
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SWEEP_SCHEMA = "tgospa-eval/sweep/1"
 
@@ -62,7 +57,7 @@ class Point:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class SweepEvaluation:
     """Evaluations that differ in one parameter.
 
     Parameters
@@ -114,13 +109,6 @@ class Sweep:
         """Unit of the parameter that is swept."""
         unit = self.settings["unit"]
         return None if unit is None or self.parameter in ("order", "rho") else str(unit)
-
-    @cached_property
-    def table(self) -> "pd.DataFrame":
-        """A row for each point; the first column bears the name of the parameter."""
-        import pandas as pd  # lazy: not needed to compute, and slow to import
-
-        return pd.DataFrame(self.columns())
 
     def columns(self) -> Columns:
         """The points as columns, the parameter first."""

@@ -27,7 +27,6 @@ from tgospa_eval.show.rendering import (
     MOST_NAMED,
     Document,
     Table,
-    csv_text,
     equal_names,
     first_names,
     order_in_words,
@@ -203,7 +202,7 @@ def on_one_axis(
     return axis, [at[own] for own in found], ends
 
 
-def curves_csv(curves: Sequence[RmsCurve]) -> str:
+def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
     """All curves in one table."""
     table: Columns = {}
     rows = 0
@@ -216,7 +215,7 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
         rows += size
         for each in table.values():  # not all curves have all columns
             each.extend(itertools.repeat(None, rows - len(each)))
-    return csv_text(table)
+    return table
 
 
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:

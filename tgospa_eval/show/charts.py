@@ -4,7 +4,7 @@ matplotlib is imported when one is drawn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.registry import load
@@ -17,7 +17,8 @@ from tgospa_eval.show.style import FILES, STYLES, Style, styled
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
 
 
 class Chart(NamedTuple):
@@ -49,10 +50,12 @@ _RESULT = {
         "there are no windows: evaluate with window=, the steps of each",
     ),
 }
+_NO_SWEEPS = "no errors of sinkhorn are seen: compare it at several temperatures"
+_NO_STEPS = "no steps of runs are stored: evaluate with per_step=True"
 _CURVES = {
-    "curve": Chart("several:draw_curves"),
-    "curve-parts": Chart("several:draw_curve_parts"),
-    "over-time": Chart("several:draw_over_time"),
+    "curve": Chart("several:draw_curves", absent=_NO_STEPS),
+    "curve-parts": Chart("several:draw_curve_parts", absent=_NO_STEPS),
+    "over-time": Chart("several:draw_over_time", absent=_NO_STEPS),
 }
 
 CHARTS: Mapping[str, Mapping[str, Chart]] = {
@@ -61,19 +64,21 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "associate": {"plane": _PLANE},
     "inspect": {"inspection": Chart("plane:draw_inspection")},
     "sweep": {"sweep": Chart("several:draw_sweep")},
-    "estimates": {"cumulative": Chart("several:draw_cumulative")},
+    "estimates": {
+        "cumulative": Chart("several:draw_cumulative", absent="runs have unlike numbers of steps")
+    },
     "solvers": {
-        "time_over_error": Chart("several:draw_time_over_error"),
-        "error_over_epsilon": Chart("several:draw_errors"),
-        "convergence": Chart("several:draw_convergence"),
+        "time_over_error": Chart("several:draw_time_over_error", absent="no solver has a value"),
+        "error_over_epsilon": Chart("several:draw_errors", absent=_NO_SWEEPS),
+        "convergence": Chart("several:draw_convergence", absent=_NO_SWEEPS),
     },
     "study": {
         "error_over_epsilon": Chart("several:draw_study_errors"),
         "scaling": Chart("several:draw_scaling"),
     },
     "batch": {
-        "parts": Chart("several:draw_parts"),
-        "heat": Chart("several:draw_heat"),
+        "parts": Chart("several:draw_parts", absent="no job has a value"),
+        "heat": Chart("several:draw_heat", absent="there is nothing to compare with"),
         **_CURVES,
     },
     "page of a batch": _CURVES,
@@ -177,17 +182,39 @@ def pictures(
     return files
 
 
-def plot(subject: Any, name: str, kind: str = "result", **options: Any) -> "Figure":
-    """One picture; `options` are fields of `Pictures`.
+class Place(TypedDict, total=False):
+    """Where of the user's a picture is drawn, if not in a figure of its own."""
+
+    ax: "Axes"
+    figure: "Figure | SubFigure"
+
+
+def plot(
+    subject: Any,
+    name: str,
+    kind: str = "result",
+    *,
+    ax: "Axes | None" = None,
+    figure: "Figure | SubFigure | None" = None,
+    **options: Any,
+) -> "Figure":
+    """One picture, in axes or a figure that is given; `options` are fields of `Pictures`.
 
     Raises
     ------
     ConfigError
-        A name is unknown, matplotlib is not installed, or there is no such picture.
+        A name is unknown, matplotlib is not installed, there is no such picture, or axes are
+        given for one with several panels.
     """
     wanted, chart = Pictures(**options), CHARTS[kind][name]
     with styled(wanted.style) as style:
-        made = wanted.drawn(chart, subject, style)
+        from tgospa_eval.show.figure_tools import PLACE  # lazy: matplotlib is slow to import
+
+        token = PLACE.set(figure if ax is None else ax)
+        try:
+            made = wanted.drawn(chart, subject, style)
+        finally:
+            PLACE.reset(token)
     if made is None:
         raise ConfigError(chart.absent)
     return made

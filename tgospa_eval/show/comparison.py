@@ -12,7 +12,7 @@ from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.results.sweep import Point, Sweep
+from tgospa_eval.results.sweep import Point, SweepEvaluation
 from tgospa_eval.show.rendering import (
     EXACT,
     LETTERS,
@@ -612,7 +612,7 @@ def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
 # A sweep of a parameter.
 
 
-def sweep_document(found: Sweep) -> Document:
+def sweep_document(found: SweepEvaluation) -> Document:
     """A row for each value."""
     points = found.points
     columns = {LETTERS[found.parameter]: [number(point.value) for point in points]}
@@ -641,7 +641,7 @@ def _count(point: Point, part: str) -> float:
     return count
 
 
-def _sweep_title(found: Sweep) -> str:
+def _sweep_title(found: SweepEvaluation) -> str:
     points = found.points
     word, letter = found.parameter.replace("_", " "), LETTERS[found.parameter]
     first, last = (_quantity(found, k) for k in (0, -1))
@@ -658,12 +658,12 @@ def _sweep_title(found: Sweep) -> str:
     )
 
 
-def _quantity(found: Sweep, k: int) -> str:
+def _quantity(found: SweepEvaluation, k: int) -> str:
     """The value at a point, with its unit if it has one."""
     return number(found.points[k].value) + (f" {found.unit}" if found.unit else "")
 
 
-def _sweep_notes(found: Sweep) -> Iterator[str]:
+def _sweep_notes(found: SweepEvaluation) -> Iterator[str]:
     """Where the counts do not depend on the parameter; of the best assignments only."""
     letter = LETTERS[found.parameter]
     if len(found.points) < 2 or not found.certified:

@@ -3,6 +3,7 @@
 import io
 import warnings
 from collections.abc import Sequence
+from contextvars import ContextVar
 from itertools import pairwise
 from typing import Any
 
@@ -12,25 +13,42 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import StepPatch
 from matplotlib.ticker import AutoLocator, MaxNLocator
 from PIL import Image
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.show.style import DOTS, FILES, LIGHT, SOFT, Style
 
 QUICK = 1
 """Level of compression."""
 
+PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", default=None)
+"""Axes or figure of the user in which a picture is drawn, in place of a figure of its own."""
+
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """An empty figure of inches, and its axes as a (rows, columns) array."""
+    """An empty figure of inches, and its axes as a (rows, columns) array; or those of `PLACE`.
+
+    Raises
+    ------
+    ConfigError
+        One axes is there for several panels.
+    """
     grid = 0.75 * matplotlib.rcParams["grid.linewidth"]
-    made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
-    FigureCanvasAgg(made)
-    axes = made.subplots(rows, columns, squeeze=False)
+    made: Any = PLACE.get()
+    if made is None:
+        made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
+        FigureCanvasAgg(made)
+    if isinstance(made, Axes):
+        if rows * columns > 1:
+            raise ConfigError(f"ax: the picture has {rows * columns} panels; give figure=")
+        made, axes = made.figure, np.array([[made]])
+    else:
+        axes = made.subplots(rows, columns, squeeze=False)
     for axis in axes.flat:
         axis.grid(visible=True, which="major", color=LIGHT["grid"], linewidth=grid)
         axis.set_axisbelow(True)
@@ -91,22 +109,26 @@ def label(axis: Axes, x: str, y: str, title: str) -> None:
     """Names of the axes, and what is to be seen."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
-    axis.set_title(title, fontsize="medium", loc="left")
+    if not isinstance(PLACE.get(), Axes):  # which have a title of the user's
+        axis.set_title(title, fontsize="medium", loc="left")
 
 
 def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
     """What is to be seen, and of what, where pictures have titles."""
-    if not style.titles:
+    if not style.titles or isinstance(PLACE.get(), Axes):
         return
     axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
     axis.set_title(about, loc="right", fontsize="small", color=SOFT, parse_math=False)
 
 
-def legend(made: Figure, handles: Sequence[Artist], names: list[str], columns: int) -> None:
+def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int) -> None:
     """Above the axes, where it hides nothing."""
     if handles:
         tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
         where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
+        place: Any = PLACE.get()
+        if isinstance(place, Axes):
+            made, where = place, where | {"loc": "lower left", "bbox_to_anchor": (0, 1)}
         for text in made.legend(handles, names, ncols=columns, **where, **tight).get_texts():
             text.set_parse_math(False)
 

@@ -276,13 +276,37 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
     return "\n\n".join(["\n".join([*lines, *tables[:1]]), *tables[1:]]) + "\n"
 
 
+def as_html(document: Document) -> str:
+    """For a cell of a notebook."""
+    tables = "".join(line for table in document.tables for line in _html_lines(table))
+    above, below = (
+        "".join(f'<div style="opacity:.75;font-size:.92em">{xml(line)}</div>' for line in lines)
+        for lines in ((*document.warnings, *document.lines), document.notes)
+    )
+    return f'<div style="line-height:1.5"><b>{xml(document.title)}</b>{above}{tables}{below}</div>'
+
+
+def _html_lines(table: Table) -> Iterator[str]:
+    """The table by elements of HTML."""
+    yield '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
+    for k, row in enumerate(_cells(table, xml, "<b>{}</b>")):
+        kind = "td" if k else "th"
+        yield "<tr>"
+        for cell, side in zip(row, table.sides, strict=True):
+            align = {"l": "left", "r": "right"}[side]
+            yield f'<{kind} style="text-align:{align};white-space:nowrap">{cell or ""}</{kind}>'
+        yield "</tr>"
+    yield "</table>"
+
+
 WRITERS: Mapping[str, Callable[[Document], str]] = {
     "table": as_text,
     "markdown": as_markdown,
     "latex": as_latex,
     "siunitx": partial(as_latex, aligned=True),
+    "html": as_html,
 }
-"""Of each format for people what writes a document."""
+"""Of each format for people what writes a document; HTML is for notebooks alone."""
 
 
 def rendered(

@@ -19,7 +19,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
-from tgospa_eval.results.sweep import Sweep
+from tgospa_eval.results.sweep import SweepEvaluation
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
 from tgospa_eval.show.figure_tools import figure, label, legend, literal, power, titled
 from tgospa_eval.show.overtime import bars, name_times
@@ -348,7 +348,7 @@ LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 
 
-def draw_sweep(found: Sweep, style: Style) -> Figure:
+def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
     """Small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.

@@ -14,7 +14,8 @@ from tgospa_eval.campaign.statistics import intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.campaign.sums import rms_curves
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve, curves_csv, curves_json
+from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve, curves_columns, curves_json
+from tgospa_eval.show.rendering import csv_text
 
 Steps = dict[str, float]
 """Cost by time."""
@@ -226,7 +227,7 @@ def test_the_command_offers_all_bands() -> None:
 
 def test_as_csv_and_json() -> None:
     found, _ = rms_curves(rows("aa"), stored({"1": 4}, {"1": 4, "2": 0}, traced=True), ["tracker"])
-    table = list(csv.DictReader(io.StringIO(curves_csv(found))))
+    table = list(csv.DictReader(io.StringIO(csv_text(curves_columns(found)))))
     assert [
         (row["tracker"], row["curve"], row["step"], row["t"], row["runs"]) for row in table
     ] == [("a", kind, k, k, "2") for kind in ("step", "cumulative", "growing") for k in "12"]

@@ -256,3 +256,43 @@ def test_updates_that_are_refused_leave_nothing(update: tuple, message: str) -> 
         recorder.update(*update)
     assert repr(recorder) == "Recorder(1 updates)"
     assert recorder.evaluate(**GIVEN).total == pytest.approx(0.25)
+
+
+def test_a_recorder_keeps_covariances_and_particles() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.cumsum(rng.normal(size=(6, 2, 2)), axis=0)
+    mean = truth + rng.normal(size=truth.shape)
+    mean[3] = np.nan
+    spread = np.broadcast_to(2 * np.eye(2), (*mean.shape, 2))
+    points, weights = mean[:, :, None] + rng.normal(size=(6, 2, 9, 2)), rng.random((6, 2, 9))
+    gaussian, cloud, ids = Recorder(), Recorder(), [0, 1]
+    for k, true in enumerate(truth):
+        if k == 3:
+            for recorder in (gaussian, cloud):
+                recorder.update(k, ids, true, [], [])
+            continue
+        gaussian.update(k, ids, true, ids, mean[k], estimate_covariances=spread[k])
+        given: Any = list(points[k]) if k % 2 else points[k]
+        cloud.update(k, ids, true, ids, given, estimate_weights=weights[k])
+    own: Any = {"cutoff": 5.0, "distance": "gaussian-wasserstein", "with_": "nees"}
+    expected = evaluate(truth, Trajectories.from_array(mean, covariance=spread), **own)
+    assert gaussian.evaluate(**own).total == pytest.approx(expected.total, rel=1e-12)
+    assert str(gaussian.evaluate(**own).nees) == str(expected.nees)
+    own = {"cutoff": 5.0, "distance": "cloud-wasserstein"}
+    whole = {"particles": points, "weights": weights / weights.sum(axis=2, keepdims=True)}
+    total = evaluate(truth, whole, **own).total
+    assert cloud.evaluate(**own).total == pytest.approx(total, rel=1e-12)
+    assert len(cloud.estimate.ids) == 2
+    wrong: list[tuple[Recorder, dict[str, Any], str]] = [
+        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; all of"),
+        (gaussian, {"estimate": mean[0]}, "estimate: points, before states with covariances"),
+        (cloud, {"estimate": points[0], "estimate_weights": weights[0, :, 1:]}, r"weights \(8,\)"),
+        (cloud, {"estimate": points[0] * np.inf}, "points must be finite"),
+        (cloud, {"estimate": [points[0, 0], points[0, 1, :, :1]]}, "unlike numbers of components"),
+        (gaussian, {"estimate": mean[0], "estimate_covariances": spread[0, 0]}, r"shape \(2, 2\);"),
+        (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are of particles"),
+    ]
+    for recorder, arguments, message in wrong:
+        with pytest.raises(InputError, match=message):
+            recorder.update(7, ids, truth[0], ids, **arguments)
+        assert len(recorder) == 6

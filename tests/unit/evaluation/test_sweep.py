@@ -88,8 +88,8 @@ def test_by_hand() -> None:
     assert [(p.missed_count, p.false_count) for p in found.points] == [(1, 1), (1, 1), (0, 0)]
     assert found.unchanged("missed_count", "false_count") == (0, 1)
     assert found.unchanged("switch_count") == (0, 2)
-    assert list(found.table)[:3] == ["cutoff", "tgospa", "lower_bound"]
-    assert found.table["total"].tolist() == [4, 5, 5]
+    assert list(found.table())[:3] == ["cutoff", "tgospa", "lower_bound"]
+    assert found.table()["total"].tolist() == [4, 5, 5]
     assert "order" in found.settings
     assert "cutoff" not in found.settings
 

@@ -17,7 +17,7 @@ import pytest
 from checkout import SAMPLES
 from scipy.io import savemat
 
-from tgospa_eval import ConfigError, InputError, evaluate, read_trajectories
+from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate, read_trajectories
 from tgospa_eval.engines import DiedError, call_in_helper
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
@@ -103,7 +103,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
     savemat("none.mat", {"k": 3, "s": {"a": 1}, "two": np.array([(1,), (2,)], [("tVec", "O")])})
     answer = invoke("none.mat", "run.mat:Y", "--truth-format", "mat")
     assert answer.status == 3
-    assert "or x, t, id (in it: k 1 x 1, s, two)" in answer.err
+    assert "X, L by step (in it: k 1 x 1, s, two)" in answer.err
     (tmp_path / "a.mat:X").write_text("id,t,x\n1,0,0\n")  # a file of that name is one
     assert read(tmp_path / "a.mat:X", format="csv").rows == 1
 
@@ -265,16 +265,16 @@ def test_cells_of_runs(invoke: Run, tmp_path: Path, version: str) -> None:
     for pair, message in (
         (
             "s.mat s.mat",
-            "s.mat: Y is a cell of 3 runs; choose one, s.mat:Y{1}, or all in a batch, s.mat:Y{run}",
+            "s.mat: Y has 3 runs; choose one, s.mat:Y{1}, or all in a batch, s.mat:Y{run}",
         ),
-        ("s.mat s.mat:Y", "s.mat:Y: Y is a cell of 3 runs; choose one, s.mat:Y{1}"),
+        ("s.mat s.mat:Y", "s.mat:Y: Y has 3 runs; choose one, s.mat:Y{1}"),
         ("s.mat s.mat:Y{4}", "s.mat:Y{4}: Y has 3 runs, Y{1} to Y{3}"),
         ("s.mat s.mat:Y{0}", "s.mat:Y{0}: Y has 3 runs, Y{1} to Y{3}"),
         (
-            "s.mat s.mat:Y(1)",
-            's.mat:Y(1): no set of trajectories "Y(1)" (there are: X, Y{1} to Y{3})',
+            "s.mat s.mat:Y(a)",
+            's.mat:Y(a): no set of trajectories "Y(a)" (there are: X, Y{1} to Y{3})',
         ),
-        ("s.mat:X{1} s.mat:Y{1}", "s.mat:X{1}: X is no cell; s.mat:X reads it"),
+        ("s.mat:X{1} s.mat:Y{1}", "s.mat:X{1}: X has no runs; s.mat:X reads it"),
     ):
         answer = invoke(*pair.split(), "-c", "10")
         assert (answer.status, answer.out) == (3, "")
@@ -363,8 +363,8 @@ def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Pa
     # Of another file it is read, and what is passed over is said.
     reading = read("a.mat", role="estimate")
     assert (
-        "variable X; Y is no structure with the fields tVec, iVec, xState, or x, t, id"
-        in reading.notices
+        "variable X; Y is no structure with the fields tVec, iVec, xState, or x, t, id, or cells "
+        "X, L by step" in reading.notices
     )
 
 
@@ -414,3 +414,109 @@ def test_steps_are_the_second_dimension(tmp_path: Path) -> None:
     arrays = evaluate(*sides.transpose(0, 2, 3, 1), **options)
     assert found.judged["steps"] == arrays.judged["steps"] == 10
     assert found.normalised["tgospa"] == arrays.normalised["tgospa"] == pytest.approx(6**0.5)
+
+
+def structures(path: Path, version: str, runs: list[dict[str, Any]]) -> Path:
+    """The truth X and a structure array Y."""
+    if version != "7.3":
+        array = np.empty((1, len(runs)), [(name, "O") for name in runs[0]])
+        for k, run in enumerate(runs):
+            array[0, k] = tuple(np.asarray(values, float) for values in run.values())
+        savemat(path, {"X": BOTH, "Y": array}, do_compression=version == "7")
+        return path
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in BOTH.items():
+            file[f"X/{name}"] = np.asarray(values).T
+            field = file.create_dataset(f"Y/{name}", (len(runs), 1), h5py.ref_dtype)
+            for k, run in enumerate(runs):
+                file[f"#refs#/{name}{k}"] = np.asarray(run[name]).T
+                field[k, 0] = file[f"#refs#/{name}{k}"].ref
+    path.write_bytes(TRUTH_73.read_bytes()[:512] + path.read_bytes()[512:])
+    return path
+
+
+@pytest.mark.parametrize("version", ["6", "7", "7.3"])
+def test_structure_arrays_are_runs(invoke: Run, tmp_path: Path, version: str) -> None:
+    moved = [BOTH | {"xState": BOTH["xState"] + [[[k + 1.0]], [[0.0]]]} for k in range(3)]
+    path = structures(tmp_path / "s.mat", version, moved)
+    assert runs_inside(str(path)) == ["X", "Y{1}", "Y{2}", "Y{3}"]
+    for k in (1, 2, 3):
+        assert evaluate("s.mat:X", f"s.mat:Y({k})", 10).total == pytest.approx(4 * k**2)
+        assert read(f"s.mat:Y{{{k}}}").trajectories.state[0].tolist() == [k, 6]
+    asked = ("batch", "-c", "20", "-o", "r", "--workers", "1", "--format", "json", "-q")
+    answer = invoke(*asked, "--truth", "s.mat:X", "--estimate", "s.mat:Y{run}")
+    assert [group["run"] for group in json.loads(answer.out)["groups"]] == ["1", "2", "3"]
+
+
+def test_cells_of_arrays_are_runs(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    truth = np.cumsum(rng.normal(size=(2, 7, 3)), axis=1)  # d x T x n
+    cell = np.empty((3, 1), object)
+    for k in range(3):
+        cell[k, 0] = truth + k
+    beside = {"X": {"x": truth, "t": np.arange(1, 8)}, "t": np.arange(1, 8)}
+    savemat(tmp_path / "a.mat", {**beside, "Y": cell})
+    path = str(tmp_path / "a.mat")
+    assert runs_inside(path) == ["X", "Y{1}", "Y{2}", "Y{3}"]
+    total = evaluate(f"{path}:X", f"{path}:Y{{3}}", 10).total
+    assert total == pytest.approx(7 * 3 * 8)
+    savemat(tmp_path / "b.mat", {"X": BOTH, "Y": cell})
+    with pytest.raises(InputError, match="x may be d x T x n or d x n x T; name it x_dTn or x_dnT"):
+        read(f"{tmp_path}/b.mat:Y{{3}}")
+    savemat(tmp_path / "b.mat", {"X": BOTH, "x_dTn": cell})
+    assert len(read(f"{tmp_path}/b.mat:x_dTn{{3}}").trajectories.times) == 7
+
+
+def cells(values: list[Any]) -> Any:
+    made = np.empty((len(values), 1), object)
+    made[:, 0] = [np.asarray(value, float) for value in values]
+    return made
+
+
+def test_cells_by_step_of_toolboxes(tmp_path: Path) -> None:
+    """As the RFS toolbox of Vo saves them: states x, vx, y, vy, and labels of two rows."""
+    truth = [
+        [[0, 5], [1, 0], [0, 9], [0, 1]],
+        [[1], [1], [0], [0]],
+        np.zeros((4, 0)),
+        [[3], [1], [0], [0]],
+    ]
+    estimate = [
+        np.zeros((0, 0)),
+        [[1.5], [1], [0], [0]],
+        [[2], [1], [0], [0]],
+        [[3, 8], [1, 0], [0, 8], [0, 0]],
+    ]
+    labels = [[], [[2], [1]], [[2], [1]], [[2, 4], [1, 1]]]
+    tracks = [[[1, 2]], [[1]], [], [[1]]]
+    known = {"K": 4, "N": [2, 1, 0, 1], "L": cells([[]] * 4), "track_list": cells(tracks)}
+    scene = {
+        "truth": known | {"X": cells(truth)},
+        "est": {"X": cells(estimate), "N": [0, 1, 1, 2], "L": cells(labels)},
+        "meas": {"K": 4, "Z": cells(truth)},
+    }
+    path = str(tmp_path / "vo.mat")
+    savemat(path, scene)
+    columns: Any = {"columns": ("x=x0", "y=x2")}
+    found = read_trajectories(f"{path}:est", **columns)
+    assert (list(found.ids), len(found.times)) == (["2-1", "4-1"], 4)
+    assert found.state.tolist() == [[1.5, 0], [2, 0], [3, 0], [8, 8]]
+    assert list(read_trajectories(f"{path}:truth", **columns).ids) == ["1", "2"]
+    with pytest.warns(TgospaWarning, match="all 4 components"):
+        evaluate(path, path, 10)
+    # One object at 0, 1, 3 against 1.5, 2, 3 at the steps 2, 3, 4; one object, one false state.
+    result = evaluate(path, path, 2.0, 2, 1.0, **columns)
+    assert result.counts["missed"] == 2
+    assert result.counts["false"] == 2
+    assert result.localisation == pytest.approx(0.25)
+    for change, message in (
+        ({"L": None}, r"X\{2\}: 1 state without a label each; L or track_list says step by step"),
+        ({"L": cells([[], [[2]], [[2]], [[2]]])}, r"X\{4\}: 2 states without a label each"),
+        ({"L": cells([[], [[2]], [[2]], [[2, 2]]])}, r"X\{4\}: two states have one label in L"),
+        ({"X": cells([[], np.ones((1, 1)), np.ones((2, 1)), []])}, "states of 1, 2 components"),
+    ):
+        changed = {k: v for k, v in (scene["est"] | change).items() if v is not None}
+        savemat(path, {"truth": scene["truth"], "est": changed})
+        with pytest.raises(InputError, match=message):
+            evaluate(path, path, 2.0, **columns)

@@ -5,13 +5,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any, TypeVar
 
-from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
+from tgospa_eval.api.compare import Compared, PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.reading import find_place
 from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.campaign.pairs import compared_runs, short_names
-from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solver_runs import (
     Keep,
     Scenes,
@@ -218,15 +217,13 @@ def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
 def show_ranking(found: Ranked, output: OutputOptions) -> bool:
     """Print and write a ranking; whether all evaluations did what was asked."""
     answer, entrants = found
+    compared = Compared(document=answer, entrants=entrants)
 
     def tables() -> dict[str, str]:
-        best = answer["estimates"][0]["name"]
-        files = {"per_step.csv": csv_text(steps_columns(entrants, best))}
+        files = {"per_step.csv": csv_text(compared.curves_columns())}
         return files | ({"pairs.csv": csv_text(pairs_columns(answer))} if answer["pairs"] else {})
 
-    times, costs = steps_costs(entrants)
-    in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, output, (times, in_order), tables)
+    show(answer, output, compared.drawn, tables)
     unfinished = [
         f"{path}: {made['status']}"
         for item in answer["estimates"]

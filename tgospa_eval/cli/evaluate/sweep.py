@@ -8,18 +8,18 @@ import numpy as np
 
 from tgospa_eval.api.compare import sweep_sides, swept_parameters
 from tgospa_eval.api.options import Request
+from tgospa_eval.api.report import Sweep
 from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.writing import can_draw, probed, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.charts import pictures
 from tgospa_eval.show.comparison import sweep_document
 from tgospa_eval.show.files import SWEEP, Files
 from tgospa_eval.show.html import document_page
-from tgospa_eval.show.rendering import csv_text, rendered
+from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -186,5 +186,4 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
         return files | (pictures("sweep", found, wanted) if draws else {})
 
     write_output(output, SWEEP, make)
-    makers = sweep_document, Sweep.to_json, Sweep.columns
-    emit(rendered(output.format_, found, *makers), output.format_)
+    emit(found.rendered(output.format_), output.format_)

@@ -1,0 +1,99 @@
+"""Results as documents, tables and pictures, and a sweep as users hold it."""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import Columns
+from tgospa_eval.results.sweep import SweepEvaluation
+
+if TYPE_CHECKING:
+    from typing import Literal, Unpack
+
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from tgospa_eval.show.charts import Place
+
+    class Drawing(Place, total=False):
+        """Keywords of pictures."""
+
+        style: Literal["screen", "paper"]
+
+
+def as_frame(columns: Columns) -> "pd.DataFrame":
+    """A table of columns as a DataFrame."""
+    import pandas as pd  # lazy: slow to import
+
+    return pd.DataFrame(columns)
+
+
+class Reportable:
+    """A result that is rendered in every format, and drawn; notebooks show it as a card."""
+
+    @property
+    @abstractmethod
+    def drawn(self) -> Any:
+        """Data of the pictures."""
+
+    @property
+    @abstractmethod
+    def kind(self) -> str:
+        """Kind of the result, in `show.charts.CHARTS`."""
+
+    @abstractmethod
+    def rendered(self, format: str) -> str:
+        """The report in a format of the command line."""
+
+    def to_json(self) -> str:
+        """The document of ``--format json``: no NaN, full doubles."""
+        return self.rendered("json")
+
+    def to_markdown(self) -> str:
+        """The report for a pull request or a lab book."""
+        return self.rendered("markdown")
+
+    def to_latex(self) -> str:
+        """The tables for a paper, by the package booktabs."""
+        return self.rendered("latex")
+
+    def _repr_html_(self) -> str:
+        return self.rendered("html")
+
+    def _plot(self, name: str, **options: Any) -> "Figure":
+        """One picture, or a message with those that there are."""
+        from tgospa_eval.show.charts import CHARTS, plot  # lazy: slow to import
+
+        if name not in CHARTS[self.kind]:
+            known = ", ".join(f"plot_{other.replace('-', '_')}" for other in CHARTS[self.kind])
+            raise ConfigError(f"plot_{name} is not for {self.kind}; there are {known}")
+        return plot(self.drawn, name, self.kind, **options)
+
+
+class Sweep(SweepEvaluation, Reportable):
+    """Evaluations that differ in one parameter; fields are those of `SweepEvaluation`."""
+
+    @property
+    def drawn(self) -> "Sweep":
+        """The sweep itself."""
+        return self
+
+    @property
+    def kind(self) -> str:
+        """A sweep."""
+        return "sweep"
+
+    def table(self) -> "pd.DataFrame":
+        """A row for each point; the first column bears the name of the parameter."""
+        return as_frame(self.columns())
+
+    def rendered(self, format: str) -> str:
+        """The report as ``--format`` prints it."""
+        from tgospa_eval.show.comparison import sweep_document  # lazy: few show it
+        from tgospa_eval.show.rendering import rendered
+
+        return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
+
+    def plot_sweep(self, **options: "Unpack[Drawing]") -> "Figure":
+        """Value, costs and counts over the parameter."""
+        return self._plot("sweep", **options)
