@@ -29,7 +29,7 @@ from tgospa_eval.api.batch_row import (
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
-from tgospa_eval.api.report import Reportable, as_frame
+from tgospa_eval.api.report import StudyReport, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
@@ -60,6 +60,7 @@ from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.study_table import checked_columns
 from tgospa_eval.text import as_unicode, listed, option, quoted
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ Notify = Callable[[str], object]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Batch(Reportable):
+class Batch(StudyReport):
     """What `batch` found; printed it is the table of the command.
 
     Parameters
@@ -178,9 +179,9 @@ class Batch(Reportable):
         """A row for each group, as `groups`."""
         return self.groups
 
-    def rendered(self, format: str) -> str:
-        """The report as ``--format`` prints it."""
-        return batch_report(self.tables, format)
+    def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
+        """The report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        return batch_report(replace(self.tables, columns=checked_columns(columns)), format)
 
     def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
         """Cost per step of each group, stacked by its parts."""
@@ -197,6 +198,10 @@ class Batch(Reportable):
     def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
         """The parts of RMS-TGOSPA over time."""
         return self._plot("curve-parts", **options)
+
+    def plot_over_time(self, **options: "Unpack[Drawing]") -> "Figure":
+        """RMS-TGOSPA, its parts, GOSPA, cardinality, detection rate and NEES over time."""
+        return self._plot("over-time", **options)
 
 
 @with_options(*OF_ONE)

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
@@ -12,7 +12,7 @@ from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.reading import called
-from tgospa_eval.api.report import Reportable, Sweep, as_frame
+from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, runs_in_memory, short_names
 from tgospa_eval.campaign.ranking import (
@@ -57,6 +57,7 @@ from tgospa_eval.results.saved import (
     unlike,
 )
 from tgospa_eval.show.comparison import COLUMNS, pairs_columns, render
+from tgospa_eval.show.study_table import checked_columns
 from tgospa_eval.solvers import SOLVERS, Solver, as_solver
 from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.coverage import refuse_own_marks
@@ -186,7 +187,7 @@ Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compared(Reportable):
+class Compared(StudyReport):
     """What `compare` found; printed it is the table of the command.
 
     Parameters
@@ -241,9 +242,9 @@ class Compared(Reportable):
 
     __repr__ = __str__
 
-    def rendered(self, format: str) -> str:
-        """The report as ``--format`` prints it."""
-        return re.sub(COMMAND, "", render(self.document, format))
+    def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
+        """The report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        return re.sub(COMMAND, "", render(self.document, format, checked_columns(columns)))
 
     def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
         """Cost of all steps so far, mean over the runs, a line for each estimate."""

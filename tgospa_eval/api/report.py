@@ -1,6 +1,7 @@
 """Results as documents, tables and pictures, and a sweep as users hold it."""
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     class Drawing(Place, total=False):
         """Keywords of pictures."""
 
-        style: Literal["screen", "paper"]
+        style: Literal["screen", "paper", "paper-wide"]
 
 
 def as_frame(columns: Columns) -> "pd.DataFrame":
@@ -53,9 +54,9 @@ class Reportable:
         """The report for a pull request or a lab book."""
         return self.rendered("markdown")
 
-    def to_latex(self) -> str:
-        """The tables for a paper, by the package booktabs."""
-        return self.rendered("latex")
+    def to_latex(self, *, siunitx: bool = False) -> str:
+        """The tables for a paper, by the package booktabs; `siunitx` aligns digits by that one."""
+        return self.rendered("siunitx" if siunitx else "latex")
 
     def _repr_html_(self) -> str:
         return self.rendered("html")
@@ -68,6 +69,33 @@ class Reportable:
             known = ", ".join(f"plot_{other.replace('-', '_')}" for other in CHARTS[self.kind])
             raise ConfigError(f"plot_{name} is not for {self.kind}; there are {known}")
         return plot(self.drawn, name, self.kind, **options)
+
+
+class StudyReport(Reportable):
+    """A study of several trackers, whose table has the columns that are asked for."""
+
+    @abstractmethod
+    def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
+        """The report in a format of the command line; `columns` as of ``--columns-of-table``."""
+
+    def to_markdown(self, columns: Iterable[str] = ()) -> str:
+        """The report for a pull request or a lab book.
+
+        Parameters
+        ----------
+        columns : iterable of str
+            Of the table, as of ``--columns-of-table``: ``["tgospa", "rmse"]``.
+
+        Raises
+        ------
+        ConfigError
+            There is no such column.
+        """
+        return self.rendered("markdown", columns)
+
+    def to_latex(self, columns: Iterable[str] = (), *, siunitx: bool = False) -> str:
+        """The tables for a paper; `columns` as of `to_markdown`."""
+        return self.rendered("siunitx" if siunitx else "latex", columns)
 
 
 class Sweep(SweepEvaluation, Reportable):

@@ -76,10 +76,10 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     from tgospa_eval.api.batch import evaluate_batch, tables_of
     from tgospa_eval.campaign.store import Store
     from tgospa_eval.show.batch import batch_report
-    from tgospa_eval.show.study_table import check_columns
+    from tgospa_eval.show.study_table import checked_columns
 
     output = OutputOptions.of(options)
-    check_columns(output.columns_of_table)
+    checked_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
             raise click.UsageError("batch report takes one folder, a store")

@@ -1,7 +1,7 @@
 """The one table of a study: RMS-TGOSPA of each tracker, its parts, how sure they are, and more."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -102,14 +102,15 @@ class StudyRow:
         return root
 
 
-def check_columns(names: Sequence[str]) -> None:
-    """Whether there are such columns.
+def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
+    """Names of columns that there are.
 
     Raises
     ------
     ConfigError
         There is no such column.
     """
+    names = tuple(columns)
     for name in names:
         own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
         known = own in (*COLUMNS, *NUMBERS, *OF_METRICS) or own.startswith("rmse_by_axis.")
@@ -119,6 +120,7 @@ def check_columns(names: Sequence[str]) -> None:
                 f"{option('columns_of_table')} {quoted(name)}: there is no such column; there are "
                 f"{there}"
             )
+    return names
 
 
 def value_name(order: float | None, jobs: int) -> str:

@@ -157,13 +157,13 @@ def command(
         )
     from tgospa_eval.campaign.pairs import is_pattern
     from tgospa_eval.cli.compare import run
-    from tgospa_eval.show.study_table import check_columns
+    from tgospa_eval.show.study_table import checked_columns
 
     # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
     apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
     request = Request.of({name: value for name, value in options.items() if name not in apart})
     output: Any = OutputOptions.of(options)
-    check_columns(output.columns_of_table)
+    checked_columns(output.columns_of_table)
     solvers: Any = options["solvers"]
     # The default depends on what is compared.
     has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
