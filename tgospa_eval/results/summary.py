@@ -185,11 +185,11 @@ def percent(share: float | None) -> str:
 
 
 def rows(
-    numbers: Mapping[str, Any], quantity: Quantity, place: Quantity
+    numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
     """The summary in words, a name and what is known; lines without a number are left out.
 
-    `quantity` writes an error by the base distance, `place` one of the place.
+    `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
     """
 
     def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:
@@ -198,6 +198,9 @@ def rows(
 
     def plain(value: float) -> str:
         return number(value, 4)
+
+    def late(shift: float) -> str:
+        return f"{'late' if shift >= 0 else 'early'} by {time(abs(shift))}"
 
     n = dict.fromkeys(NUMBERS) | {name.partition(".")[2]: value for name, value in flat(numbers)}
     lost, tracked = numbers["tracked_shares"]
@@ -220,7 +223,7 @@ def rows(
         "along track": words(
             ("RMS {}", n["rmse_along_track"], place),
             ("across track {}", n["rmse_across_track"], place),
-            ("late by {}", n["latency.shift"], plain),
+            ("{}", n["latency.shift"], late),
             ("which explains {} of the squared error", n["latency.gain"], percent),
         ),
         "objects": words(
@@ -233,13 +236,13 @@ def rows(
         "identity": words(
             ("purity {}", n["purity"], percent),
             ("completeness {}", n["completeness"], percent),
-            ("{} fragments", n["fragments"], plain),
+            ("{} fragment" + "s" * (n["fragments"] != 1), n["fragments"], plain),
             ("{} switches an object", n["switches_per_truth"], plain),
         ),
         "continuity": words(
             ("longest stretch {} steps", n["longest_stretch"], plain),
-            ("first followed after {}", n["time_to_first"], plain),
-            ("{} between breaks", n["mean_time_between_breaks"], plain),
+            ("first followed after {}", n["time_to_first"], time),
+            ("{} between breaks", n["mean_time_between_breaks"], time),
         )
         if n["longest_stretch"]
         else "",

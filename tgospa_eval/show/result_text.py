@@ -528,7 +528,12 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
     quantity = partial(result.quantity, digits=4)
     is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
     place = quantity if is_length else partial(number, digits=4)  # the unit is that of the distance
-    return summary_rows(result.summarised.numbers, quantity, place)
+    dates = isinstance(next(iter(result.labels.times), 0), str)
+
+    def time(value: float) -> str:
+        return number(value, 4) + " s" * dates
+
+    return summary_rows(result.summarised.numbers, quantity, place, time)
 
 
 def similarity_in_words(result: Evaluation) -> str:
