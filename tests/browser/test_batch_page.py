@@ -38,7 +38,7 @@ def test_it_fits_and_loads_nothing(chromium: Browser, page: Path, width: int) ->
         assert loaded <= {page.as_uri(), "about:blank"}
     assert len(shades) == 2
     pytest.importorskip("matplotlib")
-    assert chromium.run("[...document.images].map(image => image.naturalWidth > 500)") == [True] * 2
+    assert chromium.run("[...document.images].map(image => image.naturalWidth > 500)") == [True] * 3
     assert chromium.box("img")["width"] > 0.6 * min(width, 600)
 
 

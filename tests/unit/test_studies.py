@@ -40,7 +40,7 @@ def studies() -> dict[str, Reportable]:
 @pytest.mark.parametrize(
     ("kind", "rows", "word"),
     [
-        ("batch", 2, "combined"),
+        ("batch", 2, "RMS-TGOSPA"),
         ("estimates", 2, "localisation"),
         ("solvers", 2, "sinkhorn"),
         ("sweep", 3, "proven exact"),

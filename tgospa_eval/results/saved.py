@@ -32,6 +32,7 @@ from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS, Json
 from tgospa_eval.results.slices import OLDER_NUMBERS
+from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.text import option
 
 # -------------------------------------------------------------------------------------------------
@@ -276,6 +277,20 @@ SLICING = {
 
 SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYTHING}}))
 
+
+def _is_summary(value: Any) -> bool:
+    """Whether it is a record of numbers and such records, with flags, limits and nulls."""
+    if isinstance(value, dict):
+        return all(map(_is_summary, value.values()))
+    if value is None or isinstance(value, bool):
+        return True
+    return all(map(NUMBER.fits, value if isinstance(value, list) else [value]))
+
+
+SUMMARY_RECORD = FieldKind(
+    "numbers by name", lambda value: isinstance(value, dict) and _is_summary(value)
+)
+
 RESULT = {
     **dict.fromkeys((*BRACKET[:5], *PARTS), COST),
     **dict.fromkeys(("certified", "within_rounding"), FLAG),
@@ -292,6 +307,7 @@ RESULT = {
     **dict.fromkeys(SPLIT_PARTS, Maybe(COST)),
     NEES: Maybe(NEES_RECORD),
     "slices": Maybe([SLICING]),
+    SUMMARY: Maybe(SUMMARY_RECORD),
     "with": Maybe({...: {...: NUMBER}}),
 }
 """Description of the fields of a result that are read; `by_class` has the same of each class."""

@@ -160,11 +160,12 @@ def report_format(
     )
 
 
-COLUMNS_OF_TABLE = _output(
+COLUMNS_OF_TABLE = Option(
     "--columns-of-table NAMES",
     "Columns of the table, with commas: jobs, tgospa, interval, loc, missed, false, switch, place, "
     "p, numbers of the summary as detection, rmse, and of --with as hota.",
     callback=lambda _, __, text: tuple(filter(None, map(str.strip, (text or "").split(",")))),
+    section="Output",
     show_default="those that say something",
 )
 """Of the table of a study."""
