@@ -4,6 +4,7 @@
 
 over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). Everything
 is divided by c^p: LP tolerances are absolute, unscaled small units give silently wrong values.
+Costs come in, with cutoff, order and switch penalty, in `metric_family.tgospa_problem`.
 """
 
 import math
