@@ -273,8 +273,12 @@ def chosen_parameters(
     return Parameters(order=order, rho=rho, **values), unchosen
 
 
+NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
+"""Names of numbers that are asked for, by the metrics that have them."""
+
+
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names of other metrics in our order; a text has them with commas.
+    """Names of other metrics in our order; a text has them with commas, mota is of clear.
 
     Raises
     ------
@@ -282,6 +286,7 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
         A name is not that of a metric, or the extra that it needs is not installed.
     """
     asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
+    asked = [NUMBERS_OF.get(name, name) for name in asked]
     for name in asked:
         if name not in OTHER_METRICS:
             raise ConfigError(

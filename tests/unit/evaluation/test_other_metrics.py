@@ -258,6 +258,8 @@ def test_empty_sides(write: Write) -> None:
     """As TrackEval has it: nothing is missed, and nothing is found."""
     truth, empty = write("t.csv", TRUTH), write("e.csv", "id,t,x\n")
     result = evaluate(truth, empty, cutoff=1, with_=("clear", "hota", "identity"))
+    named = evaluate(truth, empty, cutoff=1, with_="idf1,mota,hota")
+    assert named.with_ == result.with_
     found = result.with_
     assert result.metrics()["with.clear.CLR_FN"] == 4
     assert found["clear"]["CLR_FN"] == found["identity"]["IDFN"] == 4
