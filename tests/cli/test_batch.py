@@ -325,7 +325,7 @@ def test_other_metrics_are_combined_by_their_counts(
     assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3
     assert "holds a batch with other settings: with was" in invoke(*sequences).err
-    refused = invoke(*sequences, "--with", "mota")
+    refused = invoke(*sequences, "--with", "motq")
     assert (refused.status, "must be of hota" in refused.err) == (2, True)
 
 

@@ -236,7 +236,7 @@ def test_the_page_has_them(write: Write) -> None:
 def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     for words, text in (
-        (["--with", "mota"], '--with "mota": must be of hota, clear, identity, gospa'),
+        (["--with", "motq"], '--with "motq": must be of hota, clear, identity, gospa'),
         (["--with", "hota", "--by", "class"], "choose one class by --class NAME"),
         (["--with", "hota", "--sweep", "c=1,2"], "not for --sweep"),
     ):
