@@ -63,6 +63,54 @@ def test_both_verbs_print_the_same_table(invoke: Invoke) -> None:
     )
 
 
+def write_run(folder: str, run: int, steps: int, errors: dict[str, float]) -> None:
+    """A truth that rests, and estimates at these distances."""
+    Path(folder, str(run)).mkdir(parents=True)
+    for name, error in {"truth": 0.0, **errors}.items():
+        rows = "".join(f"1,{t},{error!r},0\n" for t in range(steps))
+        Path(folder, str(run), f"{name}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+
+
+def test_intervals_are_of_the_value_and_not_of_how_long_runs_are(invoke: Invoke) -> None:
+    for run in range(8):
+        write_run("mc", run, 5 << run, {"A": 1.0, "B": 1.25})
+    files = ("mc/{run}/truth.csv", "mc/{run}/{who}.csv")
+    asked = ("-c", "10", "-q", "--format", "json")
+    first, second = json.loads(invoke("compare", *files, *asked).out)["estimates"]
+    assert first["confidence"] == pytest.approx([1.0, 1.0])
+    assert second["confidence"] == pytest.approx([1.25, 1.25])
+    job = ("batch", "--truth", files[0], "--estimate", files[1], "-o", "r", "--by", "who")
+    document = json.loads(invoke(*job, *asked).out)
+    assert document["ranking"][1]["per_step_confidence"] == pytest.approx([1.25, 1.25])
+    assert document["groups"][0]["per_step_confidence_upper"] == pytest.approx(1.0)
+    assert document["groups"][0]["confidence_upper"] > 1.5 * document["groups"][0]["combined"]
+    (pair,) = document["comparisons"]
+    ends = [pair["per_step"][name] for name in ("lower", "upper")]
+    assert ends == pytest.approx([0.25, 0.25])
+
+
+def test_what_is_the_same_but_for_roundings_is_marked_alike(invoke: Invoke) -> None:
+    """The same errors in another order of the runs; a column twice is one."""
+    for run in range(7):
+        write_run("mc", run, 9, {"A": 0.1 + 0.3 * run, "B": 0.1 + 0.3 * (6 - run)})
+    asked = ("--columns-of-table", "tgospa,tgospa,interval,rmse,mean_error,detection")
+    files = ("mc/{run}/truth.csv", "mc/{run}/{who}.csv")
+    table = invoke("compare", *files, "-c", "10", "-q", *asked, "--format", "markdown").out
+    rows = [line for line in table.splitlines() if line.startswith(("| A", "| B"))]
+    assert len(rows) >= 2
+    assert "**" not in "".join(rows[:2])
+
+
+def test_a_run_without_pairs_takes_no_number_from_the_others(invoke: Invoke) -> None:
+    for run in range(3):
+        write_run("mc", run, 9, {"A": 1.0 if run else 500.0, "B": 2.0})
+    files = ("mc/{run}/truth.csv", "mc/{run}/{who}.csv")
+    document = json.loads(invoke("compare", *files, "-c", "10", "-q", "--format", "json").out)
+    summary = {item["name"]: item["summary"] for item in document["estimates"]}
+    assert summary["A"]["summary.rmse"] == pytest.approx(1.0)
+    assert summary["A"]["summary.detection_rate"] == pytest.approx(2 / 3)
+
+
 def summaries(confirm: int) -> list[dict[str, Any]]:
     """The summary of each run, evaluated by itself."""
     return [

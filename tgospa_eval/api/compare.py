@@ -14,7 +14,14 @@ from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.reading import called
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
-from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, runs_in_memory, short_names
+from tgospa_eval.campaign.pairs import (
+    expand,
+    first_file,
+    is_pattern,
+    named_sides,
+    runs_in_memory,
+    short_names,
+)
 from tgospa_eval.campaign.ranking import (
     Entrants,
     RunOutcome,
@@ -348,7 +355,7 @@ def _named(estimates: object) -> "Mapping[str, Any]":
     """
     found: Mapping[str, Any] | None = None
     if isinstance(estimates, Mapping):
-        found = {str(name): estimate for name, estimate in estimates.items()}
+        found = named_sides(estimates)
     elif isinstance(estimates, (list, tuple)) and any(map(is_path, estimates)):
         paths = [os.fspath(path) for path in estimates if is_path(path)]
         if len(set(paths)) == len(estimates):

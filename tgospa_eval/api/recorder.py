@@ -220,6 +220,8 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
     if names and hasattr(states, "__len__") and len(states) == len(names):
         first = states if hasattr(states, "__array__") else [array_of(states[0], where)]
         if np.ndim(first) == PARTICLES:
+            if covariances is not None:
+                raise InputError(f"{where}: particles have no covariances; leave one out")
             clouds = _particles(states, weights, where)
             return names, clouds.means, clouds
     if weights is not None and names:
@@ -251,6 +253,8 @@ def _particles(states: Any, weights: Any, where: str) -> Clouds:
     for k, each in enumerate(states):
         points = np.array(numbers_of(array_of(each, where), where))
         own = np.ones(points.shape[:1]) if weights is None else numbers_of(weights[k], where)
+        if not (own >= 0).all():
+            raise InputError(f"{where}: weights of particles must be at least 0")
         if points.ndim != PARTICLES - 1 or own.shape != points.shape[:1] or not own.sum() > 0:
             raise InputError(
                 f"{where}: particles of shape {points.shape} and weights {own.shape}; must be "

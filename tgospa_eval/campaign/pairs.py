@@ -462,6 +462,22 @@ def runs_in_memory(
     return names, made[0], dict(zip(estimates, made[1:], strict=True))
 
 
+def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
+    """Sides by names that are texts.
+
+    Raises
+    ------
+    InputError
+        Two have the same name as a text.
+    """
+    found = {str(name): side for name, side in estimates.items()}
+    if len(found) < len(estimates):
+        names = list(map(str, estimates))
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        raise InputError(f"two estimates are called {quoted(twice)}; give each its own name")
+    return found
+
+
 def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
     """The jobs of sides in memory: of each run, and of each tracker where these have names.
 
@@ -473,14 +489,13 @@ def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
     from joblib import hash as digest_of  # lazy: slow to import
 
     is_named = isinstance(estimates, Mapping)
-    trackers = {str(k): v for k, v in estimates.items()} if is_named else {"estimate": estimates}
+    trackers = named_sides(estimates) if is_named else {"estimate": estimates}
     names, truths, own = runs_in_memory(truth, trackers)
     digests = [digest_of(one) for one in (truths if truths[0] is not truths[-1] else truths[:1])]
     jobs = []
     for tracker, k in itertools.product(own, range(len(names))):
-        labels = ({"tracker": tracker} if is_named else {}) | (
-            {"run": names[k]} if names[k] else {}
-        )
+        labels = {"tracker": tracker} if is_named or names[k] else {}
+        labels |= {"run": names[k]} if names[k] else {}
         sides = {"truth": truths[k], "estimate": own[tracker][k]}
         in_memory = {role: side for role, side in sides.items() if not is_path(side)}
         of_all = f"truth {names[k]}".rstrip() if len(digests) > 1 else "truth"

@@ -434,8 +434,9 @@ def ranking_document(
 
     verdicts, place = _proven(normal, equal)
     truth_ids = [item.run["input"]["truth"]["sha256"] for item in entrants[names[0]]]
-    totals = _per_truth((costs["total_lower"][ranked], costs["total"][ranked]), truth_ids)
-    totals = totals[0] / sum(steps), totals[1] / sum(steps)
+    totals = _per_truth(
+        (costs["total_lower"][ranked], costs["total"][ranked]), truth_ids, np.array(steps, float)
+    )
     estimates = []
     for k in ranked:
         runs = entrants[names[k]]
@@ -476,7 +477,7 @@ def ranking_document(
             }
         )
     for item, ends, statistical in zip(
-        estimates, *_inferred(pairs, (equal, ranked), totals, order), strict=True
+        estimates, *_inferred(pairs, (equal, ranked), totals, order, per_step=True), strict=True
     ):
         item |= {"confidence": ends, "statistical_place": statistical}
     warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
@@ -542,7 +543,10 @@ def _estimate(
         item |= _means([dict(run.split) for run in runs]) or {}
     summaries = [run.summary for run in runs]
     item[SUMMARY] = pooled(
-        {key: np.array([own.get(key, np.nan) for own in summaries]) for key in summaries[0]}
+        {
+            key: np.array([own.get(key, np.nan) for own in summaries])
+            for key in dict.fromkeys(name for own in summaries for name in own)
+        }
     )
     nees = [run.nees for run in runs if run.nees is not None]
     if len(nees) == len(runs):
@@ -665,9 +669,9 @@ def _ranking(
         wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
-    names, lower, upper = _side_by_side(common, column, names)
-    entries, comparisons = _orders(common, column, names, (lower, upper))
-    count = lower.shape[1]
+    names, totals = _side_by_side(common, column, names)
+    entries, comparisons = _orders(common, column, names, totals)
+    count = totals[0].shape[1]
     yield Ranking(
         label=label,
         entries=entries,
@@ -689,36 +693,42 @@ def _ranking(
     yield from map(str, about_covariances(items))
 
 
+Totals = tuple[Floats, Floats, Floats]
+"""Bounds of totals (names, truths), and the steps of each truth."""
+
+
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
-) -> tuple[list[str], Floats, Floats]:
-    """Names, best first, and bounds of their totals of each truth, or of each job of one truth."""
+) -> tuple[list[str], Totals]:
+    """Names, best first, and their totals of each truth, or of each job of one truth."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
-    lower, upper = _per_truth((lower, upper), truth.to_numpy())
+    steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
+    lower, upper, steps = _per_truth((lower, upper), truth.to_numpy(), steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
-    return [names[k] for k in best], lower[best], upper[best]
+    return [names[k] for k in best], (lower[best], upper[best], steps)
 
 
-def _per_truth(totals: tuple[Floats, Floats], truth: Any) -> tuple[Floats, Floats]:
-    """Totals (names, jobs) added up over the jobs of each truth, if there are several.
+def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
+    """Totals (names, jobs) and steps (jobs,) added up over the jobs of each truth, if several.
 
     They are in an order that no name of a sequence or run has a part in.
     """
     _, number = np.unique(truth, return_inverse=True)
-    if number.any():
-        sums = np.zeros((2, number.max() + 1, len(totals[0])))
-        for side, own in zip(sums, totals, strict=True):
-            np.add.at(side, number, own.T)
-        totals = sums[0].T, sums[1].T
     lower, upper = totals
-    pairs = np.lexsort(np.concatenate([np.sort(lower, axis=0), np.sort(upper, axis=0)]))
-    return lower[:, pairs], upper[:, pairs]
+    if number.any():
+        rows = np.concatenate([lower, upper, steps[None]])
+        sums = np.zeros((number.max() + 1, len(rows)))
+        np.add.at(sums, number, rows.T)
+        lower, upper, (steps,) = np.split(sums.T, [len(lower), 2 * len(lower)])
+    keys = np.concatenate([steps[None], np.sort(lower, axis=0), np.sort(upper, axis=0)])
+    pairs = np.lexsort(keys)
+    return lower[:, pairs], upper[:, pairs], steps[pairs]
 
 
 def _orders(
-    common: "pd.DataFrame", column: str, names: Sequence[str], totals: tuple[Floats, Floats]
+    common: "pd.DataFrame", column: str, names: Sequence[str], totals: Totals
 ) -> tuple[list[Json], list[Json]]:
     """A row for each that is compared, and for each pair of them, as the JSON of a batch has them.
 
@@ -730,8 +740,8 @@ def _orders(
         What is compared.
     names : sequence of str
         Best first.
-    totals : pair of array, shape (names, pairs)
-        Bounds of the totals.
+    totals : Totals
+        Those of the names.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -739,7 +749,7 @@ def _orders(
     parts = (sums[list(PARTS)].div(np.maximum(steps, 1.0), axis=0) ** (1 / order)).to_dict(
         "records"
     )
-    values, per_step = (_combined(totals, order, divisor) for divisor in (1.0, steps))
+    values, per_step = (_combined(totals[:2], order, divisor) for divisor in (1.0, steps))
     equal = _same(names, *_data(common, column, names))
     verdicts, proven = _proven(values, equal)
     comparisons: list[Json] = []
@@ -750,9 +760,15 @@ def _orders(
                 "second": names[b],
                 "verdict": verdicts[a, b],
                 **_undecided((a, b) in equal, values[a], values[b]),
+                "per_step": _undecided((a, b) in equal, per_step[a], per_step[b]),
             }
         )
     sure, inferred = _inferred(comparisons, (equal, range(size)), totals, order)
+    each_step = [pair["per_step"] for pair in comparisons]
+    ends_per_step, _ = _inferred(each_step, (equal, range(size)), totals, order, per_step=True)
+    for pair in each_step:  # the test is the same
+        for name in ("p_value", "p_holm", "significant"):
+            del pair[name]
     entries = [
         {
             "name": name,
@@ -763,10 +779,11 @@ def _orders(
             "per_step_lower": each.lower,
             **own,
             "confidence": ends,
+            "per_step_confidence": of_step,
             "statistical_place": statistical,
         }
-        for name, place, value, each, own, ends, statistical in zip(
-            names, proven, values, per_step, parts, sure, inferred, strict=True
+        for name, place, value, each, own, ends, of_step, statistical in zip(
+            names, proven, values, per_step, parts, sure, ends_per_step, inferred, strict=True
         )
     ]
     return entries, comparisons
@@ -835,8 +852,10 @@ def _undecided(same: bool, first: Interval, second: Interval) -> Json:
 def _inferred(
     comparisons: Sequence[Json],
     equal: tuple[Collection[tuple[int, int]], Sequence[int]],
-    totals: tuple[Floats, Floats],
+    totals: Totals,
     order: float,
+    *,
+    per_step: bool = False,
 ) -> tuple[list[Any], list[Any]]:
     """Intervals of the values and the places that follow; what is concluded of pairs is filled in.
 
@@ -848,16 +867,19 @@ def _inferred(
         All pairs, with the bracket of the ``difference``.
     equal : pair of collection of (int, int) and sequence of int
         Pairs of numbers of those with the same data; the numbers, best first.
-    totals : pair of array, shape (names, truths)
-        Bounds of the totals, best first.
+    totals : Totals
+        Those of the names, best first.
     order : float
         The order p.
+    per_step : bool
+        Whether values are those per step, and not the combined ones.
     """
-    lower, upper = totals
+    lower, upper, steps = totals
+    per = steps if per_step else None
     size = len(lower)
     if lower.shape[1] < LEAST_PAIRS:
         return [None] * size, [None] * size
-    sure = np.stack(intervals(*totals, order), axis=1).tolist()
+    sure = np.stack(intervals(lower, upper, order, per), axis=1).tolist()
     compared = list(itertools.combinations(range(size), 2))
     if not compared:
         return sure, [(1, 1)]
@@ -869,7 +891,7 @@ def _inferred(
     p_value = p_values(least, most)
     adjusted = holm(p_value)
     significant = adjusted < 1 - CONFIDENCE
-    lower, upper = (without_each(side, order) for side in totals)
+    lower, upper = (without_each(side, order, per) for side in (lower, upper))
     margin = margins(lower[second] - upper[first], upper[second] - lower[first])
     found = np.stack([np.where(same, 0.0, margin), p_value, adjusted], axis=1).tolist()
     for row, (half, p, p_holm), differs in zip(

@@ -40,7 +40,9 @@ TOTAL_ENDS = ["total_lower", "total_upper"]
 """Columns of the bracket of a total."""
 
 
-def intervals(lower: Floats, upper: Floats, order: Floats | float) -> tuple[Floats, Floats]:
+def intervals(
+    lower: Floats, upper: Floats, order: Floats | float, steps: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Intervals of combined values: Student's t of their logarithm, by the jackknife.
 
     Parameters
@@ -49,6 +51,8 @@ def intervals(lower: Floats, upper: Floats, order: Floats | float) -> tuple[Floa
         Bounds of totals; n is at least 2.
     order : float or array, shape (rows, 1)
         The order p.
+    steps : array, shape (n,) or (rows, n), optional
+        Steps of each total: then of the values per step, which are ratios of sums.
 
     Returns
     -------
@@ -58,10 +62,14 @@ def intervals(lower: Floats, upper: Floats, order: Floats | float) -> tuple[Floa
     # Sorted, so that the order of the totals changes no bit.
     place = np.lexsort((upper, lower))
     lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
+    per: Floats | float = 1.0
+    if steps is not None:
+        steps = np.take_along_axis(np.broadcast_to(steps, lower.shape), place, axis=1)
+        per = steps.sum(axis=1, keepdims=True)
     least, most = (
-        (side.sum(axis=1, keepdims=True) ** (1 / order))[:, 0] for side in (lower, upper)
+        ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
-    margin = margins(without_each(lower, order), without_each(upper, order))
+    margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
     # No totals deviate by more than one alone that is not 0: the bound where brackets are wide.
     size = lower.shape[1]
     ratio = np.full(len(least), student(size) * np.sqrt(size / (size - 1)))
@@ -113,8 +121,8 @@ def rare_intervals(
     return low, high
 
 
-def without_each(totals: Floats, order: Floats | float) -> Floats:
-    """Combined values of all totals but one, brought to the number of all.
+def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
+    """Combined values of all totals but one, brought to the number of all; or those per step.
 
     Parameters
     ----------
@@ -122,6 +130,8 @@ def without_each(totals: Floats, order: Floats | float) -> Floats:
         Costs; n is at least 2.
     order : float or array, shape (rows, 1)
         The order p.
+    steps : array, shape (n,) or (rows, n), optional
+        Steps of each total.
 
     Returns
     -------
@@ -129,7 +139,10 @@ def without_each(totals: Floats, order: Floats | float) -> Floats:
     """
     size = totals.shape[1]
     others = np.maximum(totals.sum(axis=1, keepdims=True) - totals, 0.0)
-    found: Floats = (others * (size / (size - 1))) ** (1 / order)
+    share: Floats | float = size / (size - 1)
+    if steps is not None:
+        share = 1 / np.maximum(steps.sum(axis=-1, keepdims=True) - steps, 1.0)
+    found: Floats = (others * share) ** (1 / order)
     return found
 
 
@@ -296,15 +309,17 @@ def confidence(
     Returns
     -------
     DataFrame
-        A row for each group: ``confidence_lower``, ``confidence_upper``.
+        A row for each group: ``confidence_lower``, ``confidence_upper`` of the combined value, and
+        ``per_step_confidence_lower``, ``per_step_confidence_upper``.
     """
     import pandas as pd
 
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
     frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
-    sums = frame.groupby(["_group", "_unit"])[TOTAL_ENDS].sum()
-    found = np.full((2, len(orders)), np.nan)
+    frame["_steps"] = having["judged.steps"].clip(lower=1)
+    sums = frame.groupby(["_group", "_unit"])[[*TOTAL_ENDS, "_steps"]].sum()
+    found = np.full((4, len(orders)), np.nan)
     numbers, begins, counts = np.unique(
         sums.index.get_level_values("_group"), return_index=True, return_counts=True
     )
@@ -312,9 +327,12 @@ def confidence(
     for size in np.unique(counts[counts >= LEAST_PAIRS]):
         of_size = np.flatnonzero(counts == size)
         units = begins[of_size][:, None] + np.arange(size)
-        lower, upper = (sums[end].to_numpy(float)[units] for end in TOTAL_ENDS)
+        lower, upper, steps = (
+            sums[name].to_numpy(float)[units] for name in (*TOTAL_ENDS, "_steps")
+        )
         groups_of = numbers[of_size]
         order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
-        found[:, groups_of] = intervals(lower, upper, order)
-    names = ["confidence_lower", "confidence_upper"]
+        found[:2, groups_of] = intervals(lower, upper, order)
+        found[2:, groups_of] = intervals(lower, upper, order, steps)
+    names = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
     return pd.DataFrame(found.T, columns=names, index=orders.index)

@@ -134,7 +134,9 @@ SUMS = (
     "judged.steps",
 )  # fmt: skip
 
-OF_INTERVALS = ("confidence_lower", "confidence_upper")
+OF_INTERVALS = tuple(
+    f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")
+)
 """Columns of the intervals of groups."""
 
 ENDS = ("", "_lower", "_upper")
@@ -448,6 +450,21 @@ def _curves(
             "at most times half of the runs or fewer have a step, and the others count with "
             f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
         )
+    else:
+        inside = _running(runs.place, runs.slices, len(runs.times))[-1]
+        if not runs.alone and 2 * inside < runs.count:
+            notes.append(
+                f"at the last time {inside} of {runs.count} runs go on: others count with cost 0, "
+                f"without objects; {option('over', 'stamps')} counts each from its first step to "
+                "its last"
+            )
+    if runs.nees is not None:
+        lacking = np.isin(jobs, steps["job"][steps[NEES_COLUMNS[0]].isna()])
+        if lacking.any():
+            notes.append(
+                f"NEES over time lacks {np.count_nonzero(lacking):,} of "
+                f"{counted(len(jobs), 'run')}, which have no covariances"
+            )
     costs = runs.columns(COST_COLUMNS)
     each, so_far = (
         {
@@ -478,18 +495,15 @@ def _curves(
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
     """Cardinality, detection rate and NEES at each time; NaN where there is nothing."""
-    sums = {
-        name: runs.sums(row, carried=False)
-        for name, row in runs.known((*STATE_COLUMNS, *NEES_COLUMNS))
-    }
+    sums = {name: runs.sums(row, carried=False) for name, row in runs.known(STATE_COLUMNS)}
     found: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         if len(sums) >= len(STATE_COLUMNS):
             truth, _, assigned = (sums[name] for name in STATE_COLUMNS)
             found = {name: sums[name] / runs.present for name in STATE_COLUMNS[:2]}
             found["detection_rate"] = assigned / truth
-        if NEES_COLUMNS[0] in sums:
-            found[NEES] = sums[NEES_COLUMNS[0]] / sums[NEES_COLUMNS[1]]
+        if runs.nees is not None:
+            found[NEES] = runs.nees[0] / runs.nees[1]
     return {name: values.tolist() for name, values in found.items()}
 
 
@@ -581,6 +595,14 @@ class _Runs:
         for name in names:
             if name in self.steps and self.steps[name].notna().all():
                 yield name, self.columns([name])[0]
+
+    @cached_property
+    def nees(self) -> tuple[Floats, Floats] | None:
+        """Sums (T,) of NEES and numbers of pairs over the runs that have some."""
+        if NEES_COLUMNS[0] not in self.steps:
+            return None
+        total, pairs = np.nan_to_num(self.columns(NEES_COLUMNS))
+        return self.sums(total, carried=False), self.sums(pairs, carried=False)
 
     @cached_property
     def apart(self) -> bool:

@@ -25,6 +25,7 @@ from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.show.rendering import (
     MOST_NAMED,
+    SPLIT_NOTE,
     Document,
     Table,
     equal_names,
@@ -291,12 +292,6 @@ class Ranking:
         return value_name(self.order, self.jobs)
 
     @property
-    def share(self) -> float:
-        """The value per step by the combined one."""
-        best = self.entries[-1]
-        return best["per_step"] / best["combined"] if best["combined"] else 0.0
-
-    @property
     def p_values(self) -> list[float | None]:
         """Of the difference of each entry to the first, NaN of itself; None of too few pairs."""
         if not self.permutations:
@@ -315,11 +310,6 @@ class Ranking:
         """The bracket of the cost of a step."""
         value = bracket(entry, "per_step")
         return Interval(lower=value.lower**self.order, upper=value.upper**self.order)
-
-    def interval(self, entry: Json) -> tuple[float, float] | None:
-        """The 95 % interval of the value per step."""
-        ends = entry["confidence"]
-        return (ends[0] * self.share, ends[1] * self.share) if ends else None
 
     @property
     def others(self) -> str:
@@ -374,6 +364,11 @@ class BatchTables:
         """The order p, if it is that of all jobs."""
         known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
         return float(*known) if len(known) == 1 else None
+
+    @property
+    def value(self) -> str:
+        """The name of the value per step."""
+        return value_name(self.order, int(self.groups["jobs"].max()) if len(self.groups) else 0)
 
     @property
     def heads(self) -> dict[str, str]:
@@ -774,10 +769,10 @@ def study_tables(tables: BatchTables) -> Iterator[Table]:
     rank = {own: k for k, own in enumerate(places)}
     groups.sort(key=lambda row: rank.get(_group_key(tables, row), len(rank)))
     rows = [_study_row(tables, row, places) for row in groups]
-    title, rivals = value_name(tables.order, len(tables.rows)), _rivals(tables, groups)
+    title, rivals = tables.value, _rivals(tables, groups)
     caption = study_caption(title, _parameters(tables))
     yield study_table(rows, heads, rivals, title, tables.columns, caption)
-    yield costs_table(rows, heads, rivals)
+    yield costs_table(rows, heads, rivals, caption)
     own = [
         (ranking, entry, p_value)
         for ranking in tables.rankings
@@ -793,7 +788,7 @@ def study_tables(tables: BatchTables) -> Iterator[Table]:
                     order=ranking.order,
                     total=ranking.total(entry),
                     costs={part: entry[part] ** ranking.order for part in PARTS},
-                    confidence=ranking.interval(entry),
+                    confidence=entry["per_step_confidence"],
                     place=ranking.place(entry),
                     p=p_value,
                 )
@@ -802,6 +797,7 @@ def study_tables(tables: BatchTables) -> Iterator[Table]:
             (tables.rankings[0].label, *tables.rankings[0].parameters),
             [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
             title,
+            caption=f"Of the jobs that all have. {caption}",
         )
 
 
@@ -831,8 +827,10 @@ def _study_row(
     jobs = max(int(row["jobs"]), 1)
     order = float(row["order"]) if "order" in row else tables.order or 1.0
     ranking, entry, p_value = places.get(_group_key(tables, row), (None, {}, None))
-    scale = max(float(row["judged.steps"]), 1.0) ** (-1 / order)
-    ends = float(row["confidence_lower"]) * scale, float(row["confidence_upper"]) * scale
+    ends = (
+        float(row["per_step_confidence_lower"]),
+        float(row["per_step_confidence_upper"]),
+    )
     metrics = next(other_records([row]))
     return StudyRow(
         names=tables.named(row),
@@ -852,6 +850,7 @@ def _study_row(
                 for name, value in own.items()
             },
             **{str(k): v for k, v in row.items() if str(k).startswith(f"{SUMMARY}.") and v == v},
+            **({"gospa.total": metrics["gospa"]["total"] / jobs} if "gospa" in metrics else {}),
         },
     )
 
@@ -922,7 +921,7 @@ def _where(ranking: Ranking) -> str:
 def _notes(tables: BatchTables) -> Iterator[str]:
     if not len(tables.groups):
         return
-    title = value_name(tables.order, len(tables.rows))
+    title = tables.value
     roots = (
         "; mean of roots: the plain mean of the values" if "mean_of_roots" in tables.groups else ""
     )
@@ -952,6 +951,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
         yield "the order and places are proven by the brackets, on these files"
+    if opened:
+        yield SPLIT_NOTE
     for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
         yield (
             f"p, for {others} drawn as these were: of the difference to the best, by a two-sided "

@@ -198,7 +198,7 @@ def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[Table]:
     caption = study_caption(title, document["parameters"])
     yield study_table(rows, ("estimate",), rivals, title, asked, caption)
     yield from _pair_tables(document)
-    yield costs_table(rows, ("costs",), rivals)
+    yield costs_table(rows, ("costs",), rivals, caption)
     yield from _covariances(document["estimates"])
 
 

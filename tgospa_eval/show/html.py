@@ -63,7 +63,7 @@ from tgospa_eval.show.result_text import (
     similarity_in_words,
     summary_of,
 )
-from tgospa_eval.show.study_table import NARROW, value_name
+from tgospa_eval.show.study_table import NARROW
 from tgospa_eval.show.style import (
     DARK,
     DARK_TRACK_COLOURS,
@@ -355,7 +355,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
             costliest=list(_costliest(tables, valued)),
             faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
-            value=value_name(tables.order, len(rows)),
+            value=tables.value,
             orders=ORDERS,
             number=number,
             of_expected=of_expected,
@@ -411,7 +411,7 @@ def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
         name, per_step = entry["name"], bracket(entry, "per_step")
-        ends = ranking.interval(entry)
+        ends = entry["per_step_confidence"]
         sure = Interval(lower=ends[0], upper=ends[1]) if ends else None
         words = {
             "name": name,
@@ -453,11 +453,10 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
-            low, high = pair["difference"]
-            difference = Interval(lower=low, upper=high).scaled(ranking.share)
-            own = {**pair, "difference": tables.between(difference)}
-            if pair["lower"] is not None:
-                own |= {end: pair[end] * ranking.share for end in ("lower", "upper")}
+            own = pair["per_step"]
+            low, high = own["difference"]
+            difference = tables.between(Interval(lower=low, upper=high))
+            own = {**pair, **own, "difference": difference}
             yield own
 
 

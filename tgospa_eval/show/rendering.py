@@ -39,6 +39,9 @@ _LINKS = r":(?=//)|(?<=www)\."
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 """How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
 
+_NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
+"""Letters that pdflatex does not know."""
+
 _NUMBER = r"-?[\d,]+(\.\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
@@ -147,6 +150,9 @@ differ from others."""
 
 LEAST_WORDS = 20
 """Columns of words that go on below, at least."""
+
+MOST_SMALL = 9
+"""Columns of a table of LaTeX; more have smaller type."""
 
 DASHES = {"l": "---", "r": "---:"}
 """How Markdown says where the cells of a column stand."""
@@ -273,6 +279,9 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
     tables = ["\n".join(latex_lines(table, aligned=aligned)) for table in document.tables]
+    odd = sorted({*re.findall(_NOT_LATIN, "".join(tables))})
+    if odd:
+        lines.insert(0, latex_comment(f"{' '.join(odd)}: pdflatex stops; lualatex sets them"))
     return "\n\n".join(["\n".join([*lines, *tables[:1]]), *tables[1:]]) + "\n"
 
 
@@ -396,7 +405,8 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
     kind = "table*" if table.is_wide else "table"
     if table.caption:
         yield from (rf"\begin{{{kind}}}", r"\centering", rf"\caption{{{latex(table.caption)}}}")
-        yield r"\small\setlength{\tabcolsep}{3pt}"
+        size = "footnotesize" if len(sides) > MOST_SMALL else "small"
+        yield rf"\{size}\setlength{{\tabcolsep}}{{3pt}}"
     yield rf"\begin{{tabular}}{{{''.join(sides)}}}"
     yield r"\toprule"
     for k, cells in enumerate(_cells(table, latex, bold, r"\underline{{{}}}"), start=-1):

@@ -39,6 +39,9 @@ LEAST_P = 1e-4
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 
+DISTINCT = 1e-10
+"""Relative difference up to which numbers are the same but for roundings."""
+
 DIGITS, MOST_DECIMALS = 4, 6
 """Digits of the largest value of a column, and decimals at most."""
 
@@ -110,7 +113,8 @@ def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
     ConfigError
         There is no such column.
     """
-    names = tuple(columns)
+    listed_names = columns.split(",") if isinstance(columns, str) else columns
+    names = tuple(filter(None, map(str.strip, listed_names)))
     for name in names:
         own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
         known = own in (*COLUMNS, *NUMBERS, *OF_METRICS) or own.startswith("rmse_by_axis.")
@@ -169,12 +173,12 @@ def study_table(
     """
     columns: dict[str, Sequence[str]] = {}
     compared: dict[int, list[Interval]] = {}
-    for name in asked or COLUMNS:
-        for head, cells, worse in _columns(name, rows, title):
+    for name in dict.fromkeys(asked) or COLUMNS:
+        for head, cells, worse in _columns(name, rows, title, asked=bool(asked)):
             if asked or (any(cells) and not _says_nothing(name, cells)):
                 if worse:
                     compared[len(heads) + len(columns)] = worse
-                columns[head] = cells
+                columns[head] = [cell or "-" for cell in cells]
     names = zip(*(row.names for row in rows), strict=True)
     table: list[Sequence[str]] = [*names, *columns.values()]
     return Table(
@@ -199,8 +203,8 @@ Column = tuple[str, Sequence[str], list[Interval]]
 """Head, cells, and what is the least for the best; nothing where none is called best."""
 
 
-def _columns(name: str, rows: Sequence[StudyRow], title: str) -> Iterator[Column]:
-    """The column of a name."""
+def _columns(name: str, rows: Sequence[StudyRow], title: str, *, asked: bool) -> Iterator[Column]:
+    """The column of a name; none of what is not there, unless it was `asked` for."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -209,8 +213,11 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str) -> Iterator[Column
     elif name == "interval":
         ends = [row.confidence for row in rows]
         largest = max((high for low, high in filter(None, ends)), default=0.0)
-        found = [Interval(lower=both[0], upper=both[1]) if both else None for both in ends]
-        yield INTERVAL, [fixed(each, largest, DIGITS - 1) if each else "" for each in found], []
+        digits = [
+            [fixed(_exact(end), largest, DIGITS - 1) for end in both] if both else []
+            for both in ends
+        ]
+        yield INTERVAL, [" to ".join(both) for both in digits], []
     elif name in PART_COLUMNS:
         part = PART_COLUMNS[name]
         values = [_exact(row.part(part)) for row in rows]
@@ -220,15 +227,26 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str) -> Iterator[Column
     elif name == "p":
         yield "p", ["" if row.p is None else _p_value(row.p) for row in rows], []
     elif name == "mean_of_roots":
-        means = [row.mean_of_roots for row in rows]
-        if None not in means:
-            yield "mean of roots", [number(mean or 0.0) for mean in means], []
+        means = [row.mean_of_roots for row in rows if row.mean_of_roots is not None]
+        if means:
+            yield "mean of roots", [number(mean) for mean in means], []
+        elif asked:
+            raise ConfigError(
+                f"{option('columns_of_table', name)}: is not there; {option('mean_of_roots')} of a "
+                "batch adds it"
+            )
+    elif name == "gospa" and any("gospa.total" in row.numbers for row in rows):
+        costs = [row.numbers["gospa.total"] / row.steps for row in rows]
+        roots = [_exact(cost ** (1 / row.order)) for cost, row in zip(costs, rows, strict=True)]
+        yield title.replace("TGOSPA", "GOSPA"), aligned(roots), _distinct(roots)
     else:
         yield _of_number(name, rows)
 
 
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     """A column of the summary, or of another metric.
+
+    What is of the assignment has a best where the values are exact alone.
 
     Raises
     ------
@@ -238,10 +256,9 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     metric, part = OF_METRICS.get(name, ("", ""))
     own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
     path = f"{metric}.{part}" if metric else f"{SUMMARY}.{own}"
-    if metric and not any(path in row.numbers for row in rows):
-        raise ConfigError(
-            f"{option('columns_of_table', name)}: is not there; {option('with_', metric)} adds it"
-        )
+    if not any(path in row.numbers for row in rows) and (metric or own not in NUMBERS):
+        more = f"; {option('with_', metric)} adds it" if metric else ""
+        raise ConfigError(f"{option('columns_of_table', name)}: is not there{more}")
     values = [row.numbers.get(path, math.nan) for row in rows]
     if metric:
         low, cells = part in LOW, [other_value(part, {part: value}) for value in values]
@@ -249,10 +266,25 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
         low = own in LOWER
         cells = _shares(values) if own in SHARES else aligned([_exact(value) for value in values])
     known = [value for value in values if value == value]
-    is_ranked = len(known) == len(values) and (metric or low or own in SHARES)
-    least = [_exact(value if low else max(known) - value) for value in values if is_ranked]
+    has_best = metric or (
+        (low or own in SHARES)
+        and all(row.total.upper - row.total.lower <= NARROW * row.total.upper for row in rows)
+    )
+    least: list[Interval] = []
+    if has_best and len(known) == len(values):
+        least = _distinct([_exact(value if low else -value) for value in values])
     head = SHORT_NAMES.get(part, part) if metric else name.replace("_", " ")
     return head, cells, least
+
+
+def _distinct(values: Sequence[Interval]) -> list[Interval]:
+    """How far values are above the least, so that those that differ by roundings are equal."""
+    least, largest = (end(value.upper for value in values) for end in (min, max))
+    width = DISTINCT * max(abs(least), abs(largest))
+    return [
+        _exact(0.0 if value.upper - least <= width else round((value.upper - least) / width))
+        for value in values
+    ]
 
 
 def _exact(value: float) -> Interval:
@@ -289,7 +321,10 @@ def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
 
 
 def costs_table(
-    rows: Sequence[StudyRow], heads: Sequence[str], rivals: Sequence[Sequence[int]]
+    rows: Sequence[StudyRow],
+    heads: Sequence[str],
+    rivals: Sequence[Sequence[int]],
+    caption: str = "",
 ) -> Table:
     """TGOSPA, total and parts of a run, means where there are several; in state units^p."""
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
@@ -306,6 +341,8 @@ def costs_table(
         rows=cells,
         labels=len(heads),
         bold=best_cells({len(heads): roots, len(heads) + 1: totals}, rivals),
+        caption=f"Costs of a run. {caption}" if caption else "",
+        is_wide=True,
     )
 
 

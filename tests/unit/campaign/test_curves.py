@@ -155,7 +155,9 @@ def test_runs_with_stamps_of_their_own_are_told() -> None:
     (note,) = told([0, 1, 2, 3], [0.1, 1.1, 2.1, 3.1])
     assert "half of the runs or fewer have a step" in note
     assert "resample" in note
-    assert told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [9]) == []
+    assert told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [4, 5]) == []
+    (note,) = told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [9])
+    assert "at the last time 1 of 4 runs go on: others count with cost 0" in note
     (note,) = told([0, 1], [5, 6])
     assert "t is the time since the start of each run" in note
 
