@@ -53,9 +53,12 @@ class Recorded(Progress):
 
     def __init__(self) -> None:
         super().__init__(watched=True)
-        self._due = 0.0  # shown at once
         self.brackets: list[tuple[float, float]] = []
         self.shares: list[float] = []
+
+    @property
+    def due(self) -> bool:
+        return True
 
     def prove(self, lower: float, upper: float) -> None:
         super().prove(lower, upper)

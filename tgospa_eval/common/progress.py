@@ -37,8 +37,8 @@ class Status(StrEnum):
 
 T = TypeVar("T")
 
-SOON = 1.0
-"""Seconds before anything is shown."""
+SOON, PACE = 1.0, 0.5
+"""Seconds before anything is shown, and until there is more."""
 
 
 class StoppedError(Exception):
@@ -85,7 +85,7 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether it takes long enough to be shown."""
+        """Whether it is time to show what is proven."""
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
@@ -127,6 +127,7 @@ class Progress:
         if self.bracket is not None:  # what was proven before still holds
             found = max(found[0], self.bracket[0]), min(found[1], self.bracket[1])
         self.bracket = found
+        self._due = max(self._due, time.monotonic() + PACE)
 
     def apart(self, work: Callable[[], T]) -> T:
         """Do work that cannot be stopped in a thread of its own.

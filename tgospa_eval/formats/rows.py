@@ -108,12 +108,23 @@ def number_ids(ids: Sequence[str]) -> Numbered:
     """Distinct ids in natural order (2 before 10), and the number of each row's."""
     seen: dict[str, int] = {}
     number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
-    order = sorted(seen, key=natural)
-    rank = np.empty(len(order), np.int64)
-    rank[[seen[text] for text in order]] = np.arange(len(order))
-    table = np.empty(len(order), dtype=object)
-    table[:] = order
-    return table, rank[number] if len(number) else number
+    names = np.array([*seen], dtype=object)
+    order = natural_order(names)
+    rank = np.empty(len(names), np.int64)
+    rank[order] = np.arange(len(names))
+    return names[order], rank[number]
+
+
+def natural_order(names: NDArray[Any]) -> Ints:
+    """Argsort distinct texts by `natural`; NumPy sorts whole numbers ten times as fast."""
+    joined = "".join(names)
+    if joined.isascii() and joined.isdigit() and "" not in names and max(map(len, names)) < 19:
+        whole = names.astype(np.int64)
+        order = np.argsort(whole)
+        if np.diff(whole[order]).all():  # no 7 beside 07
+            return order
+    keys = [natural(name) for name in names.tolist()]
+    return np.array(sorted(range(len(keys)), key=keys.__getitem__), np.int64)
 
 
 def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:

@@ -490,6 +490,129 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     return gain_array, group_first_array, offset_array
 
 
+# --- assignments of one step: the twin is solvers.trivial._assign, with the same choice of equals --
+
+
+cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, double* work,
+                   i32* index) noexcept nogil:
+    """Columns of rows, no more of these, by shortest augmenting paths: `index` begins with them.
+
+    As scipy.optimize.linear_sum_assignment, operation by operation (Crouse, 2016). `work` has room
+    for rows + 2 columns, `index` for twice as many of both.
+    """
+    cdef double* u = work
+    cdef double* v = work + rows
+    cdef double* distance = v + columns
+    cdef i32* column_of = index
+    cdef i32* row_of = index + rows
+    cdef i32* path = row_of + columns
+    cdef i32* left = path + columns
+    cdef i32* through = left + columns
+    cdef Py_ssize_t i, j, n, row, count, best, visited
+    cdef double least, lowest, length
+    memset(work, 0, (rows + columns) * sizeof(double))
+    for n in range(rows + columns):
+        index[n] = -1
+    for row in range(rows):
+        for n in range(columns):
+            left[n] = <i32>(columns - n - 1)
+            distance[n] = INFINITY
+        count, i, j, least, visited = columns, row, -1, 0.0, 0
+        while True:
+            through[visited] = <i32>i
+            visited += 1
+            best, lowest = -1, INFINITY
+            for n in range(count):
+                j = left[n]
+                length = least + cost[i * columns + j] - u[i] - v[j]
+                if length < distance[j]:
+                    path[j], distance[j] = <i32>i, length
+                if distance[j] < lowest or (distance[j] == lowest and row_of[j] == -1):
+                    lowest, best = distance[j], n
+            least, j = lowest, left[best]
+            count -= 1
+            left[best], left[count] = left[count], <i32>j  # those passed are behind the others
+            if row_of[j] == -1:
+                break
+            i = row_of[j]
+        u[row] += least
+        for n in range(1, visited):
+            i = through[n]
+            u[i] += least - distance[column_of[i]]
+        for n in range(count, columns):
+            v[left[n]] -= least - distance[left[n]]
+        while True:
+            i = path[j]
+            row_of[j] = <i32>i
+            n, column_of[i] = column_of[i], <i32>j
+            j = n
+            if i == row:
+                break
+
+
+def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
+           const i32[::1] column, const i32[::1] columns, const double[::1] gain):
+    """Of the pairs of each component: which are taken, and the least prices of their columns."""
+    cdef Py_ssize_t b, e, i, j, m, n, turn, fewer
+    cdef bint turned, moves
+    cdef double have
+    sizes = np.asarray(rows, np.int64), np.asarray(columns, np.int64)
+    cdef Py_ssize_t most = max(sum(sizes), default=0)
+    dense = np.empty((2, max(sizes[0] * sizes[1], default=0)))
+    cdef double[:, ::1] matrix = dense
+    cdef double[::1] work = np.empty(3 * most)
+    cdef i32[::1] index = np.empty(4 * most, np.int32)
+    cdef i32[::1] own = np.empty(most, np.int32), owner = np.empty(most, np.int32)
+    taken, price = np.zeros(len(gain), np.uint8), np.zeros(len(gain))
+    cdef u8[::1] t = taken
+    cdef double[::1] p = price
+    cdef double* at
+    cdef double* new
+    with nogil:
+        for b in range(rows.shape[0]):
+            m, n = rows[b], columns[b]
+            turned = n < m
+            fewer = n if turned else m
+            at = &matrix[0, 0]
+            memset(at, 0, m * n * sizeof(double))
+            for e in range(first[b], first[b + 1]):
+                at[row[e] * n + column[e]] = gain[e]
+            for i in range(m):
+                for j in range(n):
+                    matrix[1, j * m + i if turned else i * n + j] = -at[i * n + j]
+            cheapest(&matrix[1, 0], fewer, m + n - fewer, &work[0], &index[0])
+            for i in range(m):
+                own[i] = -1
+            for j in range(n):
+                owner[j] = -1
+            for e in range(fewer):
+                i = index[e] if turned else e
+                j = e if turned else index[e]
+                if at[i * n + j] > 0:
+                    own[i], owner[j] = <i32>j, <i32>i
+            new = &work[n]
+            memset(&work[0], 0, n * sizeof(double))
+            for turn in range(m + 1):
+                moves = False
+                memset(new, 0, n * sizeof(double))
+                for i in range(m):
+                    have = at[i * n + own[i]] - work[own[i]] if own[i] >= 0 else 0.0
+                    for j in range(n):
+                        if at[i * n + j] - have > new[j] and owner[j] != i:
+                            new[j] = at[i * n + j] - have
+                for j in range(n):
+                    moves |= owner[j] >= 0 and new[j] > work[j] + 1e-15
+                if not moves:
+                    break
+                for j in range(n):
+                    if owner[j] >= 0 and new[j] > work[j]:
+                        work[j] = new[j]
+            for e in range(first[b], first[b + 1]):
+                t[e] = own[row[e]] == column[e]
+                p[e] = work[column[e]]
+    return taken.view(bool), price
+
+
 # --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
 #
 # Nothing above or below is called but `sort_by` and `pairwise`, and no solver calls these.

@@ -1,5 +1,7 @@
 """What assignments cost block by block, and the largest switch price that matters."""
 
+from functools import cached_property
+
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
@@ -111,7 +113,17 @@ class BracketProgress:
         self.states, self.cuts, self.progress = states, cuts, progress
         self.shares, self.lower, self.upper = np.zeros((3, len(cuts)))
         self.begun = np.zeros(len(cuts), bool)
-        self.unassigned: Floats | None = None
+
+    @cached_property
+    def unassigned(self) -> Floats:
+        """Cost of each batch if all its objects stay unassigned."""
+        costs = unassigned_costs(self.states)
+        return np.array([costs[slice(*cut)].sum() for cut in self.cuts])
+
+    @cached_property
+    def most(self) -> float:
+        """Cost of the whole if nothing is assigned."""
+        return float(sum(side.price.sum() for side in self.states.problem.sides))
 
     def update(self, number: int, share: float, lower: float, upper: float) -> None:
         """Of a batch: how much is done, and bounds of its cost less that of all unassigned."""
@@ -119,23 +131,20 @@ class BracketProgress:
         self.begun[number] = True
         if not self.progress.due:
             return
-        if self.unassigned is None:
-            unassigned = unassigned_costs(self.states)
-            self.unassigned = np.array([unassigned[slice(*cut)].sum() for cut in self.cuts])
-        problem = self.states.problem
-        most = float(problem.truth_price.sum() + problem.estimate_price.sum())
         lower = float(np.where(self.begun, self.lower, -self.unassigned).sum())
         self.progress.prove(
-            most * (1 - SUM_MARGIN) + lower, most * (1 + SUM_MARGIN) + float(self.upper.sum())
+            self.most * (1 - SUM_MARGIN) + lower,
+            self.most * (1 + SUM_MARGIN) + float(self.upper.sum()),
         )
-        self.progress.done(float(self._sizes() @ self.shares))
+        self.progress.done(float(self._sizes @ self.shares))
 
     def advance(self, number: int, share: float) -> None:
         """Of a batch: how much is done, where nothing is proven yet."""
         self.shares[number] = share
         if self.progress.due:
-            self.progress.done(float(self._sizes() @ self.shares))
+            self.progress.done(float(self._sizes @ self.shares))
 
+    @cached_property
     def _sizes(self) -> Floats:
         """Of the batches, as shares of the whole."""
         first = self.states.block_first[[0, *(high for _, high in self.cuts)]]

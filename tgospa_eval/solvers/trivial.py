@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import best_values, turns
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE, States, connected_components
@@ -179,19 +180,17 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
     row, rows = _numbered(np.where(flip, *sides[::-1]), component[order], starts)
     column, columns = _numbered(np.where(flip, *sides), component[order], starts)
     gains = states.gains(state)
-    number = np.repeat(np.arange(len(rows)), np.diff(starts))
-    taken = np.zeros(len(state), bool)
-    price = np.zeros(len(state))
-    shape = (rows * len(state) + columns)[number]
-    alike = np.argsort(shape, kind="stable")
-    for part in np.split(alike, np.flatnonzero(np.diff(shape[alike])) + 1) if len(alike) else ():
-        k = np.cumsum(np.diff(number[part], prepend=-1) != 0) - 1
-        first = number[part[0]]
-        gain = np.zeros((k[-1] + 1, rows[first], columns[first]))
-        gain[k, row[part], column[part]] = gains[part]
-        assigned, least = _assign(gain)
-        taken[part] = assigned[k, row[part]] == column[part]
-        price[part] = least[k, column[part]]
+    parts = (starts, row, rows, column, columns)
+    if kernels:
+        taken, price = kernels.assign(*(part.astype(np.int32) for part in parts), gains)
+    else:
+        taken, price = np.zeros(len(state), bool), np.zeros(len(state))
+        for begin, end, *shape in zip(starts[:-1], starts[1:], rows, columns, strict=True):
+            i, j = row[begin:end], column[begin:end]
+            gain = np.zeros(shape)
+            gain[i, j] = gains[begin:end]
+            assigned, least = _assign(gain)
+            taken[begin:end], price[begin:end] = assigned[i] == j, least[j]
     weights[state] = taken
     priced = states.columns.end[state] > states.columns.begin[state]
     prices[states.columns.begin[state[priced]]] = price[priced]
@@ -208,35 +207,30 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 
 
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
-    """Assignments of largest total gain (B, m, n), and the least column prices that prove them.
+    """An assignment of largest total gain (m, n), and the least column prices that prove it.
 
-    Returns the column of each row (-1 for none), (B, m), and v >= 0, (B, n), with
-    gain[b, i, j] - v[b, j] at most what row i has. The prices are the fixed point of
-    v[j] = max over i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual
-    graph; no positive cycle at an optimum).
+    Returns the column of each row (-1 for none), (m,), and v >= 0, (n,), with gain[i, j] - v[j] at
+    most what row i has. The prices are the fixed point of v[j] = max over i of gain[i, j] - own
+    gain of i + own price of i (Bellman-Ford on the residual graph; no positive cycle at an
+    optimum).
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
-    blocks, rows, columns = gain.shape
-    i, j = np.stack([linear_sum_assignment(one, maximize=True) for one in gain], axis=1)
-    b = np.arange(blocks)[:, None]
-    took = gain[b, i, j] > 0
-    b, i, j = np.broadcast_to(b, took.shape)[took], i[took], j[took]
-    assigned = np.full((blocks, rows), -1)
-    assigned[b, i] = j
-    price = np.zeros((blocks, columns))
-    owned = np.zeros((blocks, columns), bool)
-    owned[b, j] = True
+    rows, columns = gain.shape
+    i, j = linear_sum_assignment(gain, maximize=True)
+    took = gain[i, j] > 0
+    i, j = i[took], j[took]
+    assigned, price, rival = np.full(rows, -1), np.zeros(columns), np.zeros((rows, columns))
+    assigned[i] = j
     for _ in range(rows + 1):
-        have = np.zeros((blocks, rows))
-        have[b, i] = gain[b, i, j] - price[b, j]
-        rival = gain - have[:, :, None]
-        rival[b, i, j] = 0.0
-        wanted = np.where(owned, np.maximum(rival.max(axis=1), 0.0), 0.0)
-        moves = (wanted > price + 1e-15).any(axis=1, keepdims=True)
-        if not moves.any():
+        have = np.zeros(rows)
+        have[i] = gain[i, j] - price[j]
+        rival[:, j] = gain[:, j] - have[:, None]
+        rival[i, j] = 0.0
+        wanted = np.maximum(rival.max(axis=0), 0.0)
+        if not (wanted > price + 1e-15).any():
             break
-        np.maximum(price, wanted, out=price, where=moves)
+        price = np.maximum(price, wanted)
     return assigned, price
 
 

@@ -64,6 +64,7 @@ def test_a_stage_tells_its_share_its_bracket_and_the_time_left(tmp_path: Path) -
 
     stages.run("solving", {a: fail, b: first, c: second}, [2.0, 1.0, 1.0], proven.get)
     assert progress.share == 1.0
+    assert "left" not in line(stopwatch, 60.0)  # further stages follow
     stages.end()
     assert progress.left is None
     assert stopwatch.stage == ""

@@ -177,7 +177,7 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
     if progress.share > 0:
         parts.append(f"{100 * progress.share:.0f} % done")
     parts.append(f"{_span(seconds)} so far")
-    if progress.left is not None:
+    if progress.left is not None and progress.left >= 0.5:
         parts.append(f"{_span(progress.left)} left")
     return ", ".join(parts)
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, median
+from tgospa_eval.common.arrays import Floats, concatenated, median, stretches
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number
 from tgospa_eval.distances import Distance
@@ -283,6 +283,9 @@ def _rounded_up(value: float) -> float:
 SAMPLED_STEPS = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
+PAIRS_AT_ONCE = 1 << 13
+"""Of these, whose distances are computed together: they stay in the cache."""
+
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
@@ -302,13 +305,17 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
     if norm is not None:
         states = (side.state for side in sides)
         return median(kernels.nearest_points(*states, mine, others, *norm, SAMPLED_STEPS))
+    stride, width = -(-(mine[1] - mine[0]) // SAMPLED_STEPS), others[1] - others[0]
+    truths = -(-(mine[1] - mine[0]) // stride)
+    row = concatenated(0 * truths, truths) * stride.repeat(truths) + mine[0].repeat(truths)
+    first, width = others[0].repeat(truths), width.repeat(truths)
     nearest = []
-    for bounds in zip(mine.T.tolist(), others.T.tolist(), strict=True):
-        a, b = (
-            distance.axes(side, slice(*rows)).T for side, rows in zip(sides, bounds, strict=True)
-        )
-        a = a[:: -(-len(a) // SAMPLED_STEPS)]
-        nearest.append(distance(a[:, None], b[None, :]).min(axis=1))
+    for low, high in itertools.pairwise(stretches(width, PAIRS_AT_ONCE).tolist()):
+        own = slice(low, high)
+        pairs = row[own].repeat(width[own]), concatenated(first[own], width[own])
+        axes = (distance.axes(side, rows) for side, rows in zip(sides, pairs, strict=True))
+        value = distance.between(zip(*axes, strict=True))
+        nearest.append(np.minimum.reduceat(value, width[own].cumsum() - width[own]))
     return median(np.concatenate(nearest))
 
 
