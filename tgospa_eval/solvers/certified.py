@@ -153,7 +153,8 @@ def _sweep(
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < unit * ASCENT.skip * ascent.open_cost and epsilon > skip_above
-        if epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size:
+        cold = epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size
+        if cold and unit * epsilon <= CROWDS.of_located * ascent.located_cost:
             programmes.crowd |= ascent.undecidedness > CROWDS.undecided
         if programmes.crowd:
             continue
