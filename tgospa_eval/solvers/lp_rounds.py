@@ -199,21 +199,26 @@ class Programmes:
     def run_crowd(self) -> None:
         """Where weights are fractional nearly everywhere: the interior point method, in rounds.
 
-        States that the prices of a round make attractive are in the next.
+        States that the prices of a round make attractive are in the next; after one that hardly
+        helped the reach is doubled.
         """
-        ascent, begin, gap = self.ascent, time.perf_counter(), np.inf
+        ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         rows = ascent.states.rows
         shares: Floats = ascent.masses.astype(np.float64)
-        while not self._done() and ascent.open_gap < CROWDS.helped * gap:
+        while not self._done() and wider <= CROWDS.widest:
             gap, reach = ascent.open_gap, CROWDS.reach
             near = self._near(reach)
             while reach > CROWDS.least_reach and rows.loads(near).mean() > CROWDS.each:
                 reach *= 0.5
                 near = self._near(reach)
+            if wider > 1:
+                near = self._near(wider * reach)
             free, component = ascent.undecided(near)
             self._solve(groups(ascent.states, free, component, None), shares)
             ascent.keep(ascent.wide(PROGRAMMES.met))
             shares = ascent.weights
+            if ascent.open_gap >= CROWDS.helped * gap:
+                wider *= 2
         ascent.keep(ascent.wide())
         self.seconds += time.perf_counter() - begin
 

@@ -184,12 +184,14 @@ class Crowding:
     least_reach: float = 0.001
     each: float = 3.0
     helped: float = 0.7
+    widest: float = 4.0
     nearly: float = 1e-4
     """States of a group that is worth it; the reach, halved down to the second while more states
     than so many are near at each slot of a row, for time grows with the cube of what is near; the
-    share of the gap that a round may leave to be followed by another, which is not measured; and
-    the fraction of the cost from which on rounds are solved up to rounding: of the 2e-4 to 5e-4
-    that the first leaves of crowds the second leaves 1e-5 to 1e-4, exact or not."""
+    share of the gap that a round may leave before the reach is doubled, and how wide it may become
+    so (8 took the same time in all cases); and the fraction of the cost from which on rounds are
+    solved up to rounding: of the 2e-4 to 5e-4 that the first leaves of crowds the second leaves
+    1e-5 to 1e-4, exact or not."""
 
 
 class Windowing:
