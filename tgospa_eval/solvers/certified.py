@@ -99,6 +99,9 @@ class Certified(BatchSolver):
             programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
         if programmes.crowd:
             programmes.run_crowd()
+        if ascent.open_gap > PROGRAMMES.early_gap * ascent.open_cost:
+            reach = programmes.close_reach()
+            programmes.run((reach, 2 * reach, 4 * reach))
         programmes.run(PROGRAMMES.rounds)
         wide = ascent.wide() | too_far
         late = batch.limit.status if batch.limit.late() else Status.NOT_SOLVED

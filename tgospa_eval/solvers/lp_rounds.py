@@ -203,16 +203,10 @@ class Programmes:
         helped the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
-        rows = ascent.states.rows
         shares: Floats = ascent.masses.astype(np.float64)
         while not self._done() and wider <= CROWDS.widest:
-            gap, reach = ascent.open_gap, CROWDS.reach
-            near = self._near(reach)
-            while reach > CROWDS.least_reach and rows.loads(near).mean() > CROWDS.each:
-                reach *= 0.5
-                near = self._near(reach)
-            if wider > 1:
-                near = self._near(wider * reach)
+            gap = ascent.open_gap
+            near = self._near(wider * self.close_reach())
             free, component = ascent.undecided(near)
             self._solve(groups(ascent.states, free, component, None), shares)
             ascent.keep(ascent.wide(PROGRAMMES.met))
@@ -221,6 +215,13 @@ class Programmes:
                 wider *= 2
         ascent.keep(ascent.wide())
         self.seconds += time.perf_counter() - begin
+
+    def close_reach(self) -> float:
+        """The reach of a first programme where very much is undecided."""
+        reach, loads = CROWDS.reach, self.ascent.states.rows.loads
+        while reach > CROWDS.least_reach and loads(self._near(reach)).mean() > CROWDS.each:
+            reach *= 0.5
+        return reach
 
     def _done(self) -> bool:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
