@@ -156,8 +156,10 @@ def _sweep(
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < unit * ASCENT.skip * ascent.open_cost and epsilon > skip_above
-        cold = epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size
-        if cold and unit * epsilon <= CROWDS.of_located * ascent.located_cost:
+        coldest = CROWDS.coldest
+        if len(batch.weights) <= CROWDS.large:
+            coldest = min(coldest, CROWDS.of_located * ascent.located_cost / unit)
+        if epsilon <= coldest and len(batch.weights) > CROWDS.size:
             programmes.crowd |= ascent.undecidedness > CROWDS.undecided
         if programmes.crowd:
             continue

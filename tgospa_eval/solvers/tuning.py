@@ -172,12 +172,14 @@ class Crowding:
     undecided: float = 0.28
     coldest: float = 0.01
     of_located: float = 0.08
+    large: int = 120_000
     """States from which on this pays: fewer take the simplex method a tenth of a second. Mean of 1
     - m over the masses m at the temperature or below, from which on sweeps go on to the end and the
-    interior point method follows; the temperature also is below the fraction of the mean cost of
-    what is assigned: hotter all looks undecided, and 60,50,20,2 with c = 10 takes 1.4 instead of 1
-    s. 0.22 in 50,100,20,2 and 100,100,30,2, which the simplex method solves twice as fast; 0.35 in
-    100,100,20,2."""
+    interior point method follows; up to the second number of states the temperature also is at most
+    the fraction of the mean cost of what is assigned: hotter all looks undecided, and 60,50,20,2
+    with c = 10 takes 1.4 instead of 1 s; but 60 x 100 with a class ignored, 134,000 states, is left
+    open by the simplex method. 0.22 in 50,100,20,2 and 100,100,30,2, which the simplex method
+    solves twice as fast; 0.35 in 100,100,20,2."""
 
     least: int = 2000
     reach: float = 0.02
