@@ -99,6 +99,9 @@ class Certified(BatchSolver):
             programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
         if programmes.crowd:
             programmes.run_crowd()
+        if ascent.open_gap > PROGRAMMES.early_gap * ascent.open_cost:
+            reach = programmes.close_reach()
+            programmes.run((reach, 2 * reach, 4 * reach))
         programmes.run(PROGRAMMES.rounds)
         wide = ascent.wide() | too_far
         late = batch.limit.status if batch.limit.late() else Status.NOT_SOLVED
@@ -153,7 +156,10 @@ def _sweep(
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < unit * ASCENT.skip * ascent.open_cost and epsilon > skip_above
-        if epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size:
+        coldest = CROWDS.coldest
+        if len(batch.weights) <= CROWDS.large:
+            coldest = min(coldest, CROWDS.of_located * ascent.located_cost / unit)
+        if epsilon <= coldest and len(batch.weights) > CROWDS.size:
             programmes.crowd |= ascent.undecidedness > CROWDS.undecided
         if programmes.crowd:
             continue

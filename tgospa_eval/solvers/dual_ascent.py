@@ -142,6 +142,13 @@ class Ascent:
         total = float(self.masses.sum(dtype=np.float64))
         return 1.0 - float(np.square(self.masses).sum(dtype=np.float64)) / max(total, 1.0)
 
+    @property
+    def located_cost(self) -> float:
+        """Mean cost of the pairs that are assigned."""
+        entry = self.states.entry[self.weights > 0.5]
+        costs = self.states.problem.cost[entry[entry >= 0]]
+        return float(costs.mean()) if len(costs) else 1.0
+
     def wide(self, gap: float | None = None) -> Mask:
         """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
         wide: Mask = self.brackets.wide(self.wanted_gap if gap is None else gap)

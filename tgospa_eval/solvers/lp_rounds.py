@@ -199,23 +199,29 @@ class Programmes:
     def run_crowd(self) -> None:
         """Where weights are fractional nearly everywhere: the interior point method, in rounds.
 
-        States that the prices of a round make attractive are in the next.
+        States that the prices of a round make attractive are in the next; after one that hardly
+        helped the reach is doubled.
         """
-        ascent, begin, gap = self.ascent, time.perf_counter(), np.inf
-        rows = ascent.states.rows
+        ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
-        while not self._done() and ascent.open_gap < CROWDS.helped * gap:
-            gap, reach = ascent.open_gap, CROWDS.reach
-            near = self._near(reach)
-            while reach > CROWDS.least_reach and rows.loads(near).mean() > CROWDS.each:
-                reach *= 0.5
-                near = self._near(reach)
+        while not self._done() and wider <= CROWDS.widest:
+            gap = ascent.open_gap
+            near = self._near(wider * self.close_reach())
             free, component = ascent.undecided(near)
             self._solve(groups(ascent.states, free, component, None), shares)
             ascent.keep(ascent.wide(PROGRAMMES.met))
             shares = ascent.weights
+            if ascent.open_gap >= CROWDS.helped * gap:
+                wider *= 2
         ascent.keep(ascent.wide())
         self.seconds += time.perf_counter() - begin
+
+    def close_reach(self) -> float:
+        """The reach of a first programme where very much is undecided."""
+        reach, loads = CROWDS.reach, self.ascent.states.rows.loads
+        while reach > CROWDS.least_reach and loads(self._near(reach)).mean() > CROWDS.each:
+            reach *= 0.5
+        return reach
 
     def _done(self) -> bool:
         return self.batch.limit.late() or not bool(self.ascent.open.any())

@@ -171,22 +171,29 @@ class Crowding:
     size: int = 30_000
     undecided: float = 0.28
     coldest: float = 0.01
-    """States from which on this pays: fewer take the simplex method a tenth of a second. Mean of
-    1 - m over the masses m at the temperature or below, from which on sweeps go on to the end and
-    the interior point method follows. 0.22 in 50,100,20,2 and 100,100,30,2, which the simplex
-    method solves twice as fast; 0.35 in 100,100,20,2."""
+    of_located: float = 0.08
+    large: int = 120_000
+    """States from which on this pays: fewer take the simplex method a tenth of a second. Mean of 1
+    - m over the masses m at the temperature or below, from which on sweeps go on to the end and the
+    interior point method follows; up to the second number of states the temperature also is at most
+    the fraction of the mean cost of what is assigned: hotter all looks undecided, and 60,50,20,2
+    with c = 10 takes 1.4 instead of 1 s; but 60 x 100 with a class ignored, 134,000 states, is left
+    open by the simplex method. 0.22 in 50,100,20,2 and 100,100,30,2, which the simplex method
+    solves twice as fast; 0.35 in 100,100,20,2."""
 
     least: int = 2000
     reach: float = 0.02
     least_reach: float = 0.001
     each: float = 3.0
     helped: float = 0.7
+    widest: float = 4.0
     nearly: float = 1e-4
     """States of a group that is worth it; the reach, halved down to the second while more states
     than so many are near at each slot of a row, for time grows with the cube of what is near; the
-    share of the gap that a round may leave to be followed by another, which is not measured; and
-    the fraction of the cost from which on rounds are solved up to rounding: of the 2e-4 to 5e-4
-    that the first leaves of crowds the second leaves 1e-5 to 1e-4, exact or not."""
+    share of the gap that a round may leave before the reach is doubled, and how wide it may become
+    so (8 took the same time in all cases); and the fraction of the cost from which on rounds are
+    solved up to rounding: of the 2e-4 to 5e-4 that the first leaves of crowds the second leaves
+    1e-5 to 1e-4, exact or not."""
 
 
 class Windowing:
