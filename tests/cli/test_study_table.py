@@ -1,6 +1,7 @@
 """The one table of a study, as `batch` and `compare` print it."""
 
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -85,7 +86,7 @@ def test_intervals_are_of_the_value_and_not_of_how_long_runs_are(invoke: Invoke)
     assert document["groups"][0]["per_step_confidence_upper"] == pytest.approx(1.0)
     assert document["groups"][0]["confidence_upper"] > 1.5 * document["groups"][0]["combined"]
     (pair,) = document["comparisons"]
-    ends = [pair["per_step"][name] for name in ("lower", "upper")]
+    ends = [pair[f"per_step_{name}"] for name in ("lower", "upper")]
     assert ends == pytest.approx([0.25, 0.25])
 
 
@@ -109,6 +110,16 @@ def test_a_run_without_pairs_takes_no_number_from_the_others(invoke: Invoke) -> 
     summary = {item["name"]: item["summary"] for item in document["estimates"]}
     assert summary["A"]["summary.rmse"] == pytest.approx(1.0)
     assert summary["A"]["summary.detection_rate"] == pytest.approx(2 / 3)
+
+
+def test_one_estimate_has_an_interval_and_the_page_the_columns(invoke: Invoke) -> None:
+    for run in range(7):
+        write_run("mc", run, 9, {"A": 1.0 + run})
+    files = ("mc/{run}/truth.csv", "mc/{run}/A.csv")
+    asked = ("--columns-of-table", "tgospa,interval,detection", "-o", "out")
+    table = invoke("compare", *files, "-c", "10", "-q", *asked, "--format", "markdown").out
+    assert re.search(r"\| A \| 4\.\d+ \| \d\.\d+ to \d\.\d+ \| 100\.0 % \|", table)
+    assert ">detection<" in Path("out/report.html").read_text(encoding="utf-8")
 
 
 def summaries(confirm: int) -> list[dict[str, Any]]:

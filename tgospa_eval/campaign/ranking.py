@@ -463,7 +463,8 @@ def ranking_document(
                 "second": names[b],
                 "verdict": verdicts[a, b],
                 "per_step": per_step,
-                **_undecided((a, b) in equal, *(roots[k] for k in (a, b))),
+                **_difference((a, b) in equal, roots[a], roots[b]),
+                **UNTESTED,
                 "steps": {
                     "better": int((more < -clear).sum()),
                     "worse": int((more > clear).sum()),
@@ -476,9 +477,10 @@ def ranking_document(
                 },
             }
         )
-    for item, ends, statistical in zip(
-        estimates, *_inferred(pairs, (equal, ranked), totals, order, per_step=True), strict=True
-    ):
+    same = np.array([pair in equal for pair in itertools.combinations(ranked, 2)], bool)
+    sure = _with_intervals(pairs, same, totals, order, per_step=True)
+    tested = _tested(pairs, same, totals)
+    for item, ends, statistical in zip(estimates, sure, tested, strict=True):
         item |= {"confidence": ends, "statistical_place": statistical}
     warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
     return {
@@ -759,16 +761,15 @@ def _orders(
                 "first": names[a],
                 "second": names[b],
                 "verdict": verdicts[a, b],
-                **_undecided((a, b) in equal, values[a], values[b]),
-                "per_step": _undecided((a, b) in equal, per_step[a], per_step[b]),
+                **_difference((a, b) in equal, values[a], values[b]),
+                **_difference((a, b) in equal, per_step[a], per_step[b], "per_step_"),
+                **UNTESTED,
             }
         )
-    sure, inferred = _inferred(comparisons, (equal, range(size)), totals, order)
-    each_step = [pair["per_step"] for pair in comparisons]
-    ends_per_step, _ = _inferred(each_step, (equal, range(size)), totals, order, per_step=True)
-    for pair in each_step:  # the test is the same
-        for name in ("p_value", "p_holm", "significant"):
-            del pair[name]
+    same = np.array([pair in equal for pair in itertools.combinations(range(size), 2)], bool)
+    sure = _with_intervals(comparisons, same, totals, order)
+    of_steps = _with_intervals(comparisons, same, totals, order, "per_step_", per_step=True)
+    inferred = _tested(comparisons, same, totals)
     entries = [
         {
             "name": name,
@@ -783,7 +784,7 @@ def _orders(
             "statistical_place": statistical,
         }
         for name, place, value, each, own, ends, of_step, statistical in zip(
-            names, proven, values, per_step, parts, sure, ends_per_step, inferred, strict=True
+            names, proven, values, per_step, parts, sure, of_steps, inferred, strict=True
         )
     ]
     return entries, comparisons
@@ -840,65 +841,78 @@ def _same(
     return {*found, *((b, a) for a, b in found)}
 
 
-def _undecided(same: bool, first: Interval, second: Interval) -> Json:
-    """The difference of two values, with room for what is concluded of it."""
+UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
+"""What tests say of a pair where there are too few truths."""
+
+
+def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
+    """The difference of two values, with room for its interval; `before` begins the names."""
     difference = NOTHING if same else second_less_first(first, second)
-    return {
-        "difference": [difference.lower, difference.upper],
-        **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
-    }
+    bracket = [difference.lower, difference.upper]
+    return {f"{before}difference": bracket, f"{before}lower": None, f"{before}upper": None}
 
 
-def _inferred(
+def _with_intervals(
     comparisons: Sequence[Json],
-    equal: tuple[Collection[tuple[int, int]], Sequence[int]],
+    same: Mask,
     totals: Totals,
     order: float,
+    before: str = "",
     *,
     per_step: bool = False,
-) -> tuple[list[Any], list[Any]]:
-    """Intervals of the values and the places that follow; what is concluded of pairs is filled in.
-
-    One is ahead only of those from which it differs significantly. Of too few truths there is None.
+) -> list[Any]:
+    """Intervals of the values, None of too few truths; those of differences are filled in.
 
     Parameters
     ----------
     comparisons : sequence of dict
-        All pairs, with the bracket of the ``difference``.
-    equal : pair of collection of (int, int) and sequence of int
-        Pairs of numbers of those with the same data; the numbers, best first.
+        All pairs, with what `_difference` has.
+    same : array, shape (comparisons,)
+        Whether both of a pair have the same data.
     totals : Totals
         Those of the names, best first.
     order : float
         The order p.
+    before : str
+        Begin of the names of the difference and its interval.
     per_step : bool
         Whether values are those per step, and not the combined ones.
     """
     lower, upper, steps = totals
     per = steps if per_step else None
+    if lower.shape[1] < LEAST_PAIRS:
+        return [None] * len(lower)
+    sure: list[Any] = np.stack(intervals(lower, upper, order, per), axis=1).tolist()
+    first, second = np.triu_indices(len(lower), 1)
+    lower, upper = (without_each(side, order, per) for side in (lower, upper))
+    margin = margins(lower[second] - upper[first], upper[second] - lower[first])
+    for row, half in zip(comparisons, np.where(same, 0.0, margin).tolist(), strict=True):
+        low, high = row[f"{before}difference"]
+        row |= {f"{before}lower": low - half, f"{before}upper": high + half}
+    return sure
+
+
+def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
+    """Places by tests of all pairs, None of too few truths; what they say of pairs is filled in.
+
+    One is ahead only of those from which it differs significantly. Arguments as of
+    `_with_intervals`.
+    """
+    lower, upper, _ = totals
     size = len(lower)
     if lower.shape[1] < LEAST_PAIRS:
-        return [None] * size, [None] * size
-    sure = np.stack(intervals(lower, upper, order, per), axis=1).tolist()
-    compared = list(itertools.combinations(range(size), 2))
-    if not compared:
-        return sure, [(1, 1)]
-    numbers = equal[1]
-    same = np.array([(numbers[a], numbers[b]) in equal[0] for a, b in compared])
-    first, second = np.array(compared).T
+        return [None] * size
+    if not comparisons:
+        return [(1, 1)] * size
+    first, second = np.triu_indices(size, 1)
     least, most = lower[second] - upper[first], upper[second] - lower[first]
     least[same] = most[same] = 0.0
     p_value = p_values(least, most)
     adjusted = holm(p_value)
     significant = adjusted < 1 - CONFIDENCE
-    lower, upper = (without_each(side, order, per) for side in (lower, upper))
-    margin = margins(lower[second] - upper[first], upper[second] - lower[first])
-    found = np.stack([np.where(same, 0.0, margin), p_value, adjusted], axis=1).tolist()
-    for row, (half, p, p_holm), differs in zip(
-        comparisons, found, significant.tolist(), strict=True
+    for row, *found in zip(
+        comparisons, p_value.tolist(), adjusted.tolist(), significant.tolist(), strict=True
     ):
-        low, high = row["difference"]
-        row |= {"lower": low - half, "upper": high + half, "p_value": p, "p_holm": p_holm}
-        row["significant"] = differs
+        row |= dict(zip(UNTESTED, found, strict=True))
     ahead, behind = (np.bincount(side[significant], minlength=size) for side in (second, first))
-    return sure, list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))
+    return list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))

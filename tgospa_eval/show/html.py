@@ -453,11 +453,8 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
-            own = pair["per_step"]
-            low, high = own["difference"]
-            difference = tables.between(Interval(lower=low, upper=high))
-            own = {**pair, **own, "difference": difference}
-            yield own
+            low, high = pair["per_step_difference"]
+            yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
 
 
 def _costliest(

@@ -280,11 +280,8 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
     """How far values are above the least, so that those that differ by roundings are equal."""
     least, largest = (end(value.upper for value in values) for end in (min, max))
-    width = DISTINCT * max(abs(least), abs(largest))
-    return [
-        _exact(0.0 if value.upper - least <= width else round((value.upper - least) / width))
-        for value in values
-    ]
+    width = DISTINCT * max(abs(least), abs(largest)) or 1.0
+    return [_exact(round((value.upper - least) / width)) for value in values]
 
 
 def _exact(value: float) -> Interval:

@@ -81,7 +81,9 @@ def show(
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),
-            "report.html": document_page(page(answer), *of, draws=wanted is not None),
+            "report.html": document_page(
+                page(answer, output.columns_of_table), *of, draws=wanted is not None
+            ),
             **tables(),
             **shown,
         }
