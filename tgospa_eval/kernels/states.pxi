@@ -802,64 +802,76 @@ cdef class Terms:
             self.size = 0
 
 
-def break_down(states, const int64_t[::1] weight, int64_t one):
-    """The sums of `problem.certificate.break_down`, of a problem that is one part.
+def break_down(states, const int64_t[::1] weight, int64_t one, bounds):
+    """The sums of `problem.certificate.break_down`, of parts that have no pair in common.
+
+    `bounds` are the first pair, row of truths and row of estimates of each part, and the ends.
 
     Returns
     -------
     costs : (6, T) float array
         Localisation, missed, false, missed count, false count, variation.
-    terms : list of float
-        Sums of some terms of the total each.
+    terms : list of lists of float
+        Of each part sums of some terms of the total each.
     """
     problem = states.problem
     cdef const i32[::1] begin = states.begin, entry = states.entry, pair_first = states.pair_first
     cdef const double[::1] cost = problem.cost
     cdef const double[::1] switch_price = problem.switch_price_at
+    cdef const i32[::1] pairs = bounds[0], rows
     cdef const i32[::1] row, step
     cdef const double[:] price
-    cdef Py_ssize_t s, e, p, steps = problem.steps, side, i
+    cdef Py_ssize_t s, e, p, steps = problem.steps, side, i, part
     cdef double whole = one, share, paid
     cdef int64_t rise
     cdef int64_t[::1] free
     costs = np.zeros((6, steps))
     cdef double[:, ::1] at = costs
     cdef Terms terms = Terms(2 * begin.shape[0] + len(problem.truth_step)
-                             + len(problem.estimate_step))
-    for side, objects in enumerate(problem.sides):
-        row = objects.row.astype(np.int32, copy=False)
-        step = objects.step.astype(np.int32, copy=False)
-        price = objects.price
-        free = full_of(step.shape[0], one, np.int64)
+                             + len(problem.estimate_step) + 256 * len(pairs))
+    ends = []
+    sides = []
+    for objects in problem.sides:
+        left = full_of(len(objects.step), one, np.int64)
+        row, free = objects.row.astype(np.int32, copy=False), left
         with nogil:
             for s in range(begin.shape[0]):
                 e = entry[s]
-                if e < 0 or weight[s] == 0:
-                    continue
-                free[row[e]] -= weight[s]
-                if side == 0:
+                if e >= 0 and weight[s]:
+                    free[row[e]] -= weight[s]
+        if objects.unjudged is not None:
+            left[objects.unjudged] = 0
+        sides.append((left, objects.step.astype(np.int32, copy=False), objects.price))
+    for part in range(pairs.shape[0] - 1):
+        with nogil:
+            for s in range(pair_first[pairs[part]], pair_first[pairs[part + 1]]):
+                e = entry[s]
+                if e >= 0 and weight[s]:
                     paid = <double>weight[s] / whole * cost[e]
                     at[0, begin[s]] += paid
                     terms.add(paid)
             terms.close()
-        if objects.unjudged is not None:
-            np.asarray(free)[objects.unjudged] = 0
+        for side in range(2):
+            free, step, price = sides[side]
+            rows = bounds[1 + side]
+            with nogil:
+                for i in range(rows[part], rows[part + 1]):
+                    if free[i]:
+                        share = <double>free[i] / whole
+                        at[3 + side, step[i]] += share
+                        paid = share * price[i]
+                        at[1 + side, step[i]] += paid
+                        terms.add(paid)
+                terms.close()
         with nogil:
-            for i in range(step.shape[0]):
-                if free[i]:
-                    share = <double>free[i] / whole
-                    at[3 + side, step[i]] += share
-                    paid = share * price[i]
-                    at[1 + side, step[i]] += paid
-                    terms.add(paid)
+            for p in range(pairs[part], pairs[part + 1]):
+                for s in range(pair_first[p] + 1, pair_first[p + 1]):
+                    rise = weight[s] - weight[s - 1]
+                    if rise:
+                        share = <double>(rise if rise > 0 else -rise) / whole
+                        at[5, begin[s]] += share
+                        terms.add(switch_price[begin[s]] * share)
             terms.close()
-    with nogil:
-        for p in range(pair_first.shape[0] - 1):
-            for s in range(pair_first[p] + 1, pair_first[p + 1]):
-                rise = weight[s] - weight[s - 1]
-                if rise:
-                    share = <double>(rise if rise > 0 else -rise) / whole
-                    at[5, begin[s]] += share
-                    terms.add(switch_price[begin[s]] * share)
-        terms.close()
-    return costs, np.asarray(terms.sums[:terms.count]).tolist()
+        ends.append(terms.count)
+    sums = np.asarray(terms.sums[:terms.count]).tolist()
+    return costs, [sums[low:high] for low, high in zip([0, *ends], ends)]

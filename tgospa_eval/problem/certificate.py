@@ -15,6 +15,7 @@ min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching of ne
 """
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -158,15 +159,20 @@ def prove(
     Breakdown
         Cost of the assignment.
     """
-    given = solution.weights if consume else solution.weights.copy()
-    given = np.require(given, np.float64, ["C", "W"])
+    weights = feasible(states, solution.weights if consume else solution.weights.copy())
+    lower = lower_bounds(states, solution.prices, solution.reduced)
+    return weights, lower, break_down(states, weights)
+
+
+def feasible(states: States, proposed: Floats) -> Ints:
+    """The feasible assignment (S,), in units of 1/ONE, made in the memory of the proposed one."""
+    given = np.require(proposed, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     for low, high in states.cuts(PART):
         part, state, _ = states.between(low, high)
         whole_weights(given[state], weights[state])
         make_feasible(part, weights[state])
-    lower = lower_bounds(states, solution.prices, solution.reduced)
-    return weights, lower, break_down(states, weights)
+    return weights
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
@@ -371,9 +377,31 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 
     The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
     """
+    if not kernels:
+        costs, terms = _break_down(states, weights)
+        return _breakdown(costs, states.problem.switch_price_at[:-1], terms)
+    sizes = len(states.pair_row), *(len(side.step) for side in states.problem.sides)
+    bounds = [np.array([0, size], np.int32) for size in (*sizes, states.problem.steps)]
+    return next(break_down_parts(states, weights, *bounds))
+
+
+def break_down_parts(
+    states: States, weights: Ints, pairs: Ints, truths: Ints, estimates: Ints, steps: Ints
+) -> Iterator[Breakdown]:
+    """`break_down` of parts of a problem that come one after the other in time, by the kernels.
+
+    Each of `pairs`, `truths`, `estimates` and `steps` are the first pair, row of either side and
+    step of each part, and the end, (parts + 1,).
+    """
+    costs, terms = kernels.break_down(states, weights, ONE, (pairs, truths, estimates))
     price = states.problem.switch_price_at[:-1]
-    sums = kernels.break_down(states, weights, ONE) if kernels else _break_down(states, weights)
-    (localisation, missed, false, missed_count, false_count, variation), terms = sums
+    for own, low, high in zip(terms, steps[:-1], steps[1:], strict=True):
+        yield _breakdown(costs[:, low:high], price[low:high], own)
+
+
+def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Breakdown:
+    """The cost of a part, of costs, numbers and variation by step, and terms of the total."""
+    localisation, missed, false, missed_count, false_count, variation = costs
     return Breakdown(
         localisation=localisation,
         missed=missed,

@@ -33,17 +33,16 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     ``|computed - sum| <= (n - 1) 2^-53 sum`` of n terms >= 0, whatever the order; sums of chunks,
     and then of these, keep n small.
     """
+    size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
-        total, terms = sum_parts(value, first), first[1:] - first[:-1]
-    else:
-        begins = np.zeros(len(value), bool)
-        begins[::SUMMANDS] = begins[first[first < len(value)]] = True
-        starts = np.flatnonzero(begins)
-        chunks = np.add.reduceat(value, starts)
-        of_part = np.searchsorted(starts, np.minimum(first, len(value)))
-        of_part[first >= len(value)] = len(starts)
-        total = sum_parts(chunks, of_part)
-        terms = np.minimum(np.diff(first), SUMMANDS) + np.diff(of_part)
+        total, terms = sum_parts(value, first), size
+    else:  # chunks of each part by itself, so that its bound does not depend on the others
+        chunks = -(-size // SUMMANDS)
+        of_part = np.concatenate(([0], np.cumsum(chunks)))
+        number = np.arange(of_part[-1]) - np.repeat(of_part[:-1], chunks)
+        starts = np.repeat(first[:-1], chunks) + SUMMANDS * number
+        total = sum_parts(np.add.reduceat(value, starts), of_part)
+        terms = np.where(chunks > 1, SUMMANDS + chunks, size)
     total *= 1.0 - (terms + 2) * 2.0**-53
     return total
 

@@ -16,9 +16,6 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 
-_END = np.zeros(1)
-"""After the last value: reduceat knows no part that begins there."""
-
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
     """Sum of the values that share an index, (size,); added in the order given."""
@@ -27,8 +24,10 @@ def sum_by(index: Ints, value: Floats, size: int) -> Floats:
 
 def sum_parts(value: Floats, first: Ints) -> Floats:
     """Sum of each part of the values; part i begins at first[i] and ends before first[i + 1]."""
-    total: Floats = np.add.reduceat(np.concatenate((value, _END)), first[:-1])
-    total[first[1:] == first[:-1]] = 0.0  # reduceat gives the value at hand there
+    total: Floats = np.zeros(len(first) - 1)
+    filled = first[1:] > first[:-1]  # reduceat gives the value at hand for other parts
+    if filled.any():
+        total[filled] = np.add.reduceat(value, first[:-1][filled])
     return total
 
 
