@@ -15,7 +15,16 @@ from tgospa_eval.api.options import DEFAULTS
 
 TARGET = Path(tgospa_eval.__file__).parent / "api" / "option_types.py"
 
-FUNCTIONS = ("evaluate", "compare", "sweep", "batch", "gate", "associate", "reduce")
+FUNCTIONS = (
+    "evaluate",
+    "evaluate_many",
+    "compare",
+    "sweep",
+    "batch",
+    "gate",
+    "associate",
+    "reduce",
+)
 
 AS_OBJECT = {
     "distance": "Distance",
@@ -145,6 +154,8 @@ def title_of(function: str) -> str:
 
 def listing(functions: set[str]) -> str:
     """Functions in their order."""
+    if functions == {*FUNCTIONS}:
+        return "all functions"
     return ", ".join(f"`{name}`" for name in FUNCTIONS if name in functions)
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.compare import compare as compare
     from tgospa_eval.api.compare import sweep as sweep
     from tgospa_eval.api.evaluate import evaluate as evaluate
+    from tgospa_eval.api.evaluate_many import evaluate_many as evaluate_many
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
     from tgospa_eval.api.report import Sweep as Sweep
@@ -51,6 +52,7 @@ _HOME = {
     "batch": "api.batch",
     "compare": "api.compare",
     "evaluate": "api.evaluate",
+    "evaluate_many": "api.evaluate_many",
     "gate": "api.gate",
     "read_trajectories": "formats",
     "reduce": "api.sensors",

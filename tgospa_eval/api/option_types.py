@@ -55,7 +55,7 @@ class _Cutoff(TypedDict, total=False):
 
 
 class _Rho(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `batch`, `gate`."""
+    """Of `evaluate`, `evaluate_many`, `compare`, `batch`, `gate`."""
 
     rho: float
 
@@ -72,7 +72,7 @@ class _PlainStepWeights(TypedDict, total=False):
 
 
 class _StepWeights(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `gate`."""
+    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`."""
 
     step_weights: str | os.PathLike[str] | StepWeightsLike | None
     ignore_regions: str | os.PathLike[str] | RegionsLike | None
@@ -80,7 +80,7 @@ class _StepWeights(TypedDict, total=False):
 
 
 class _Existence(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `batch`, `gate`."""
+    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`."""
 
     existence: Literal["ignore", "use"]
     truth_columns: str | Iterable[str] | None
@@ -108,7 +108,7 @@ class _Existence(TypedDict, total=False):
 
 
 class _Distance(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `gate`, `associate`."""
+    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`, `associate`."""
 
     distance: str | Distance | None
     covariance: str | os.PathLike[str] | Matrix | None
@@ -116,7 +116,7 @@ class _Distance(TypedDict, total=False):
 
 
 class _VerticalWeight(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `batch`, `gate`, `associate`."""
+    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`, `associate`."""
 
     vertical_weight: float | None
     periodic: str | Iterable[str]
@@ -146,7 +146,7 @@ class _VerticalWeight(TypedDict, total=False):
 
 
 class _Columns(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `batch`, `gate`, `associate`, `reduce`."""
+    """Of all functions."""
 
     columns: str | Iterable[str] | None
     decimal: Literal[".", ","]
@@ -176,7 +176,7 @@ class _By(TypedDict, total=False):
 
 
 class _Preprocess(TypedDict, total=False):
-    """Of `evaluate`, `batch`, `gate`."""
+    """Of `evaluate`, `evaluate_many`, `batch`, `gate`."""
 
     preprocess: Preprocess | None
 
@@ -206,6 +206,18 @@ class EvaluateOptions(
     _With,
 ):
     """Keywords of `evaluate` beside its own parameters."""
+
+
+class EvaluateManyOptions(
+    _Rho,
+    _StepWeights,
+    _Existence,
+    _Distance,
+    _VerticalWeight,
+    _Columns,
+    _Preprocess,
+):
+    """Keywords of `evaluate_many` beside its own parameters."""
 
 
 class CompareOptions(

@@ -64,19 +64,9 @@ STORED_SLICES = "slices"
 def row_of(result: Evaluation) -> Row:
     """The numbers of a result that tables are made of."""
     parameters = result.proof.parameters
-    lower, upper = result.total_bounds
     truth, estimates = result.objects
     return {
-        "tgospa": result.tgospa,
-        "lower_bound": result.lower_bound,
-        "upper_bound": result.upper_bound,
-        "normalised.tgospa": result.normalised["tgospa"],
-        "total": result.total,
-        "total_lower": lower,
-        "total_upper": upper,
-        "certified": result.certified,
-        **{name: getattr(result, name) for name in PARTS},
-        **{f"counts.{name}": value for name, value in result.counts.items()},
+        **result.proof.numbers(result.gap, result.evaluated_on.each),
         **{f"sizes.{name}": value for name, value in result.sizes.items()},
         **{f"judged.{name}": value for name, value in result.evaluated_on.row().items()},
         "sizes.truth_states": truth,

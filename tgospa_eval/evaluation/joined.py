@@ -159,11 +159,11 @@ class _Joined:
             alone[:] = True
         whole = feasible(states, weights)
         lower = lower_bounds(states, prices).tolist()
-        parts = break_down_parts(states, whole, self.pairs, *self.rows, self.steps)
-        parts = zip(parts, *self._unpaired(), itertools.pairwise(self.blocks), alone, strict=True)
-        for split, *unpaired, (low, high), skipped in parts:
+        parts = break_down_parts(states, whole, (self.pairs, *self.rows, self.steps))
+        blocks, unpaired = itertools.pairwise(self.blocks), zip(*self._unpaired(), strict=True)
+        for split, left, (low, high), skipped in zip(parts, unpaired, blocks, alone, strict=True):
             bounds = Bounds(
-                lower=lower_cost(problem, math.fsum((*lower[low:high], *unpaired))),
+                lower=lower_cost(problem, math.fsum((*lower[low:high], *left))),
                 upper=upper_cost(problem, split),
             )
             proven = not skipped and bounds.lower <= bounds.upper and bounds.met(self.solver.gap)

@@ -15,7 +15,7 @@ min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching of ne
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -382,18 +382,17 @@ def break_down(states: States, weights: Ints) -> Breakdown:
         return _breakdown(costs, states.problem.switch_price_at[:-1], terms)
     sizes = len(states.pair_row), *(len(side.step) for side in states.problem.sides)
     bounds = [np.array([0, size], np.int32) for size in (*sizes, states.problem.steps)]
-    return next(break_down_parts(states, weights, *bounds))
+    return next(break_down_parts(states, weights, bounds))
 
 
-def break_down_parts(
-    states: States, weights: Ints, pairs: Ints, truths: Ints, estimates: Ints, steps: Ints
-) -> Iterator[Breakdown]:
+def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
     """`break_down` of parts of a problem that come one after the other in time, by the kernels.
 
-    Each of `pairs`, `truths`, `estimates` and `steps` are the first pair, row of either side and
-    step of each part, and the end, (parts + 1,).
+    The bounds are the first pair, row of the truths, row of the estimates and step of each part,
+    and the end, (parts + 1,) each.
     """
-    costs, terms = kernels.break_down(states, weights, ONE, (pairs, truths, estimates))
+    costs, terms = kernels.break_down(states, weights, ONE, bounds)
+    steps = bounds[-1].tolist()
     price = states.problem.switch_price_at[:-1]
     for own, low, high in zip(terms, steps[:-1], steps[1:], strict=True):
         yield _breakdown(costs[:, low:high], price[low:high], own)

@@ -34,7 +34,6 @@ from tgospa_eval.results.records import (
     costliest,
     json_text,
     members_in_words,
-    outward,
     records,
     step_columns,
 )
@@ -176,20 +175,10 @@ class Evaluation(ABC):
     def _root(self, cost: float) -> float:
         return self.proof.parameters.root(cost)
 
-    def _root_error(self, cost: Floats | float) -> Floats:
-        """How wrong a root is because 1/p is no double, relative."""
-        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
-        return 2.0**-52 * digits / self.proof.parameters.order
-
-    def outward_root(self, cost: float, sign: int) -> float:
-        """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
-        return outward(self._root(cost), sign, float(self._root_error(cost)))
-
     @property
     def total_bounds(self) -> tuple[float, float]:
         """Proven bounds of the cost, rounded outward."""
-        bounds = self.proof.bounds
-        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
+        return self.proof.total_bounds
 
     @property
     def tgospa(self) -> float:
@@ -204,12 +193,12 @@ class Evaluation(ABC):
     @property
     def lower_bound(self) -> float:
         """Proven lower bound of the metric, rounded down."""
-        return self.outward_root(self.proof.bounds.lower, -1)
+        return self.proof.outward_root(self.proof.bounds.lower, -1)
 
     @property
     def upper_bound(self) -> float:
         """Proven upper bound of the metric, rounded up."""
-        return self.outward_root(self.proof.bounds.upper, 1)
+        return self.proof.outward_root(self.proof.bounds.upper, 1)
 
     @property
     def relative_gap(self) -> float:
@@ -446,7 +435,7 @@ class Evaluation(ABC):
             ("upper_bound", found.upper, 1),
         ):
             value = self.proof.parameters.cutoff * (cost / each) ** power
-            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
+            table[name] = (value * (1 + sign * (2 * POWER + self.proof.root_error(cost)))).tolist()
         return table
 
     def first_switches(self, most: int) -> tuple[Columns, int]:
@@ -570,10 +559,10 @@ class Evaluation(ABC):
                 "similarity: the steps are weighted, and the score is of the mean over steps that "
                 "all count the same; leave the weights out"
             )
-        bounds, each = self.proof.bounds, self.evaluated_on.each
+        bounds, each, root = self.proof.bounds, self.evaluated_on.each, self.proof.outward_root
         return calibration.similarity(
             self.normalised["tgospa"],
-            (self.outward_root(bounds.lower / each, -1), self.outward_root(bounds.upper / each, 1)),
+            (root(bounds.lower / each, -1), root(bounds.upper / each, 1)),
             self.proof.parameters,
         )
 

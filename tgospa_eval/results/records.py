@@ -77,6 +77,42 @@ class Costs:
     bounds: Bounds
     breakdown: Breakdown
 
+    def root_error(self, cost: Floats | float) -> Floats:
+        """How wrong a root is because 1/p is no double, relative."""
+        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
+        return 2.0**-52 * digits / self.parameters.order
+
+    def outward_root(self, cost: float, sign: int) -> float:
+        """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
+        return outward(self.parameters.root(cost), sign, float(self.root_error(cost)))
+
+    @property
+    def total_bounds(self) -> tuple[float, float]:
+        """Proven bounds of the cost, rounded outward."""
+        scale, bounds = self.parameters.scale, self.bounds
+        return outward(scale * bounds.lower, -1), outward(scale * bounds.upper, 1)
+
+    def numbers(self, gap: float, steps: int) -> dict[str, Any]:
+        """The main numbers of a row: value, bounds, cost, parts and counts.
+
+        It is exact with a relative gap up to `gap`; the value per step is of so many steps.
+        """
+        root, scale, split = self.parameters.root, self.parameters.scale, self.breakdown
+        lower, upper = self.total_bounds
+        counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+        return {
+            "tgospa": root(split.total),
+            "lower_bound": self.outward_root(self.bounds.lower, -1),
+            "upper_bound": self.outward_root(self.bounds.upper, 1),
+            "normalised.tgospa": root(split.total / steps),
+            "total": scale * split.total,
+            "total_lower": lower,
+            "total_upper": upper,
+            "certified": self.bounds.met(gap),
+            **{name: scale * float(getattr(split, name).sum()) for name in PARTS},
+            **{f"counts.{name}": float(count.sum()) for name, count in counts.items()},
+        }
+
 
 OtherMetrics = Mapping[str, Mapping[str, float]]
 MetricSums = Mapping[str, float | list[float]]

@@ -1,0 +1,288 @@
+"""``evaluate_many``: thousands of small pairs, evaluated together."""
+
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, read_sides
+from tgospa_eval.api.keywords import requested, with_options
+from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.report import as_frame
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
+from tgospa_eval.api.result import ByClass, Result
+from tgospa_eval.campaign.pairs import runs_in_memory
+from tgospa_eval.campaign.row import Row
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import cores
+from tgospa_eval.common.notices import Notice, warn_user
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import counted
+from tgospa_eval.engines import Processes, spread
+from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.evaluation.joined import can_be_joined, joined_costs
+from tgospa_eval.results.records import Costs
+from tgospa_eval.text import listed, quoted
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    import pandas as pd
+
+    from tgospa_eval.api.option_types import EvaluateManyOptions
+    from tgospa_eval.formats.objects import Components, Runs
+
+CHUNK = 100
+"""Pairs that are evaluated together."""
+
+SMALL = 10_000
+"""States of both sides up to which a pair is evaluated with others: larger ones gain nothing."""
+
+FEW = 3
+"""Runs that a warning names."""
+
+SIZES = ("sizes.steps", "sizes.truth_states", "sizes.estimate_states")
+"""Columns with the steps that a value is divided by, and the states of either side."""
+
+PATIENCE = 2.0
+"""Seconds of work before processes are started, which takes about as long."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Evaluations(Sequence[Result]):
+    """Numbers of many pairs; the `Result` of a pair is made when it is asked for, by ``[run]``.
+
+    Parameters
+    ----------
+    runs : tuple of str
+        Names of the pairs, in order.
+    rows : tuple of dict
+        Numbers of each, by column.
+    warnings : tuple of Notice
+        What looks wrong, once for each kind, with the runs that it is said of.
+    """
+
+    runs: tuple[str, ...]
+    rows: tuple[Row, ...]
+    warnings: tuple[Notice, ...]
+    pairs: tuple[tuple[Any, Any], ...]
+    resolved: ResolvedRequest
+    mapping: "Components | None" = None
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __getitem__(self, run: "int | str") -> Result:  # type: ignore[override]
+        """The result of a pair, by its place or its name: what `evaluate` returns, without warning.
+
+        Raises
+        ------
+        KeyError, IndexError
+            There is no such pair.
+        """
+        if isinstance(run, str):
+            if run not in self.runs:
+                raise KeyError(run)
+            run = self.runs.index(run)
+        sides = read_sides(self.resolved, *self.pairs[run], Stopwatch(), mapping=self.mapping)
+        result = evaluate_sides(self.resolved, sides, Stopwatch())
+        assert not isinstance(result, ByClass)  # `by` is no keyword
+        return result
+
+    def table(self) -> "pd.DataFrame":
+        """A row for each pair, with the columns of `Batch.rows`: values, bounds, parts, counts."""
+        return as_frame({name: [row[name] for row in self.rows] for name in self.rows[0]})
+
+    def __str__(self) -> str:
+        proven = sum(row["certified"] for row in self.rows)
+        values = [row["normalised.tgospa"] for row in self.rows]
+        return (
+            f"{counted(len(self), 'pair')}, {proven:,} proven exact: TGOSPA per step "
+            f"{min(values):.4g} to {max(values):.4g}, mean {sum(values) / len(values):.4g}"
+        )
+
+    __repr__ = __str__
+
+
+@with_options("by", "jobs", *ALONE)
+def evaluate_many(
+    truth: "Runs | Sequence[tuple[Any, Any]] | Mapping[str, tuple[Any, Any]]",
+    estimate: "Runs | None" = None,
+    cutoff: float | None = None,
+    order: float = 2.0,
+    switch_penalty: float | None = None,
+    *,
+    mapping: "Components | None" = None,
+    jobs: int | None = None,
+    **options: "Unpack[EvaluateManyOptions]",
+) -> Evaluations:
+    """TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
+
+    Small pairs are searched, reduced and certified together, which takes a fraction of the time
+    of a loop; pairs that need more are evaluated by themselves. Bits are the same.
+
+    Parameters
+    ----------
+    truth : sequence of pairs, mapping, sequence of sides, array or table
+        Without `estimate` pairs of truth and estimate, or a mapping from names to such pairs. With
+        it the truth of each run: a sequence, an array (runs, T, k, d) or a table with a column
+        ``run``; or one side that is the truth of all.
+    estimate : sequence of sides, array or table, optional
+        The estimates of the same runs.
+    cutoff, order, switch_penalty : float, optional
+        As of `evaluate`.
+    mapping : sequence of int, or pair of such, optional
+        As of `evaluate`.
+    jobs : int, optional
+        Processes for work of more than some seconds; as many as there are cores by default.
+
+    Returns
+    -------
+    Evaluations
+        The table of all, and the result of each on request.
+
+    Warns
+    -----
+    TgospaWarning
+        Something looks wrong with the data, once for each kind.
+
+    Raises
+    ------
+    ConfigError
+        A parameter is out of range, or a name is unknown.
+    InputError
+        A side is wrong, the sides of a pair do not fit, or sides have other runs than others.
+    TypeError
+        There is no such keyword.
+
+    Examples
+    --------
+    >>> many = evaluate_many([(truth, estimate), (truth, other)], cutoff=10, switch_penalty=5)
+    >>> many.table()[["run", "tgospa", "missed"]]
+    >>> many[0].worst_steps
+    """
+    given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
+    request = requested(given | {"jobs": 1})
+    resolved = resolve_request(request)
+    runs, pairs = _named_pairs(truth, estimate)
+    chunks = [
+        (begin, runs[begin : begin + CHUNK], pairs[begin : begin + CHUNK])
+        for begin in range(0, len(runs), CHUNK)
+    ]
+    made = sorted(_worked(partial(_chunk, request, mapping), chunks, jobs or cores()))
+    each = [one for _, part in made for one in part]
+    warnings = _by_kind((run, notices) for run, (_, notices) in zip(runs, each, strict=True))
+    warn_user(warnings)
+    return Evaluations(
+        runs=tuple(runs),
+        rows=tuple({"run": run, **row} for run, (row, _) in zip(runs, each, strict=True)),
+        warnings=warnings,
+        pairs=tuple(pairs),
+        resolved=resolved,
+        mapping=mapping,
+    )
+
+
+Chunk = tuple[int, list[str], list[tuple[Any, Any]]]
+Numbers = tuple[Row, tuple[Notice, ...]]
+
+
+def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, Any]]]:
+    """Names of the pairs, and the pairs.
+
+    Raises
+    ------
+    InputError
+        There is none, or something is no pair.
+    """
+    if estimate is not None:
+        names, truths, own = runs_in_memory(truth, {"estimate": estimate})
+        return [name or "1" for name in names], list(zip(truths, own["estimate"], strict=True))
+    if isinstance(truth, Mapping):
+        names, pairs = [*map(str, truth)], [*truth.values()]
+    else:
+        pairs = list(truth)
+        names = [f"{k:0{len(str(len(pairs)))}}" for k in range(1, len(pairs) + 1)]
+    if not pairs:
+        raise InputError("there is no pair to evaluate")
+    for name, pair in zip(names, pairs, strict=True):
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise InputError(
+                f"run {quoted(name)}: a pair is (truth, estimate), not {type(pair).__name__}; runs "
+                "of each side are given as evaluate_many(truths, estimates)"
+            )
+    return names, [(pair[0], pair[1]) for pair in pairs]
+
+
+def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, list[Numbers]]]:
+    """What comes out of chunks, here at first, and in processes if that takes long."""
+    begin = time.monotonic()
+    for done, chunk in enumerate(chunks):
+        left = len(chunks) - done
+        spent = time.monotonic() - begin
+        if done and min(jobs, left) > 1 and spent / done * left > 2 * PATIENCE:
+            yield from spread(work, chunks[done:], work, Processes(jobs))
+            return
+        yield work(chunk)
+
+
+def _chunk(
+    request: Request, mapping: "Components | None", chunk: Chunk
+) -> tuple[int, list[Numbers]]:
+    """Row and warnings of each of some pairs."""
+    resolved = resolve_request(request)
+    begin, runs, pairs = chunk
+    sides = []
+    for run, pair in zip(runs, pairs, strict=True):
+        try:
+            sides.append(read_sides(resolved, *pair, Stopwatch(), mapping=mapping))
+        except TgospaError as error:
+            raise _of_run(error, run) from None
+    costs: list[Costs | None] = [None] * len(sides)
+    small = [
+        k
+        for k, side in enumerate(sides)
+        if sum(len(one.step) for one in side.fitted.read) <= SMALL and can_be_joined(side.request)
+    ]
+    if small:
+        joined = joined_costs([sides[k].fitted for k in small], sides[small[0]].request)
+        for k, own in zip(small, joined, strict=True):
+            costs[k] = own
+    made = []
+    for run, side, own in zip(runs, sides, costs, strict=True):
+        try:
+            made.append(_numbers(resolved, side, own))
+        except TgospaError as error:
+            raise _of_run(error, run) from None
+    return begin, made
+
+
+def _of_run(error: TgospaError, run: str) -> TgospaError:
+    """An error with the name of the run before each line."""
+    return type(error)(*(f"run {quoted(run)}: {line}" for line in error.args))
+
+
+def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:
+    """Row and warnings of a pair, which is evaluated by itself if its costs are not known yet."""
+    warnings, aligned = sides.warnings, sides.fitted.alignment
+    others: Row = {}
+    if costs is None:
+        result = evaluate_sides(resolved, sides, Stopwatch())
+        costs, warnings = result.proof, result.warnings
+        for metric, numbers in result.with_.items():
+            others |= {f"{metric}.{name}": value for name, value in numbers.items()}
+        steps, objects = result.evaluated_on.each, result.objects
+    else:
+        steps = max(len(sides.fitted.axis.horizon.times) or len(aligned.truth.times), 1)
+        objects = len(aligned.truth.step), len(aligned.estimate.step)
+    row = costs.numbers(sides.request.solver.gap, steps)
+    return row | dict(zip(SIZES, (steps, *objects), strict=True)) | others, warnings
+
+
+def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:
+    """The first warning of each kind, with the runs that have one."""
+    kinds: dict[str, tuple[Notice, list[str]]] = {}
+    for run, notices in each:
+        for notice in notices:
+            kinds.setdefault(notice.code, (notice, []))[1].append(run)
+    return tuple(notice.about(f"run {listed(runs, FEW)}") for notice, runs in kinds.values())
