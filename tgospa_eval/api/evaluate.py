@@ -121,18 +121,25 @@ class TrackPair:
         What is asked of them.
     files : dict
         Paths of truth and estimate; None of what is no file.
-    warnings : tuple of Notice
-        What looks wrong with them.
-    notices : tuple of str
-        How they were read, and what nobody chose.
+    said : tuple of Notice
+        What looks wrong with them, how they were read, and what nobody chose.
     """
 
     read: tuple[Reading, ...]
     fitted: AlignedPair
     request: EvaluationRequest
     files: dict[str, str | None]
-    warnings: tuple[Notice, ...]
-    notices: tuple[str, ...]
+    said: tuple[Notice, ...]
+
+    @property
+    def warnings(self) -> tuple[Notice, ...]:
+        """What looks wrong."""
+        return tuple(notice for notice in self.said if notice.code)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """How they were read, and what nobody chose."""
+        return tuple(notice.sentence for notice in self.said if not notice.code)
 
     @property
     def records(self) -> list[dict[str, Any]]:
@@ -175,19 +182,33 @@ def read_sides(
     given = (truth, estimate)
     with stopwatch.span("read"):
         sides = read_pair(resolved, *given, mapping=mapping, advise=notify is not None, known=known)
-    names = called(given)
-    fitted, request = align_sides(resolved, sides, names)
-    notices = list(pair_notices(given, names, sides, fitted, request))
-    for notice in notices if notify else ():
+    pair = noticed(given, sides, *align_sides(resolved, sides, called(given)))
+    for notice in pair.said if notify else ():
         notify(notice)  # type: ignore[misc]
+    return pair
+
+
+def noticed(
+    given: Sequence[object],
+    sides: tuple[Reading, ...],
+    fitted: AlignedPair,
+    request: EvaluationRequest,
+    *,
+    sound: bool = False,
+) -> TrackPair:
+    """Two sides that were read and aligned, with what the user should know of them.
+
+    `sound` says that nothing is wrong with their clocks and states.
+    """
+    names = called(given)
+    notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
     paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
     return TrackPair(
         read=sides,
         fitted=fitted,
         request=request,
         files=dict(zip(("truth", "estimate"), paths, strict=True)),
-        warnings=tuple(notice for notice in notices if notice.code),
-        notices=tuple(notice.sentence for notice in notices if not notice.code),
+        said=tuple(notices),
     )
 
 

@@ -2,12 +2,16 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, read_sides
+import numpy as np
+
+from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result
@@ -20,7 +24,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.engines import Processes, spread
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.evaluation.joined import can_be_joined, joined_costs
+from tgospa_eval.evaluation.joined import JoinedPairs, can_be_joined, is_like
 from tgospa_eval.results.records import Costs
 from tgospa_eval.text import listed, quoted
 
@@ -232,34 +236,38 @@ def _chunk(
     """Row and warnings of each of some pairs."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
-    sides = []
+    read = []
     for run, pair in zip(runs, pairs, strict=True):
-        try:
-            sides.append(read_sides(resolved, *pair, Stopwatch(), mapping=mapping))
-        except TgospaError as error:
-            raise _of_run(error, run) from None
-    costs: list[Costs | None] = [None] * len(sides)
+        with _of_run(run):
+            sides = read_pair(resolved, *pair, mapping=mapping, advise=False)
+            read.append((pair, sides, *align_sides(resolved, sides, called(pair))))
     small = [
         k
-        for k, side in enumerate(sides)
-        if sum(len(one.step) for one in side.fitted.read) <= SMALL and can_be_joined(side.request)
+        for k, (_, _, aligned, asked) in enumerate(read)
+        if can_be_joined(asked) and sum(len(one.step) for one in aligned.read) <= SMALL
     ]
+    small = [k for k in small if is_like(read[k][2], read[small[0]][2])]
+    costs: dict[int, Costs | None] = {}
+    sound = np.zeros(len(read), bool)
     if small:
-        joined = joined_costs([sides[k].fitted for k in small], sides[small[0]].request)
-        for k, own in zip(small, joined, strict=True):
-            costs[k] = own
+        joined = JoinedPairs([read[k][2] for k in small], read[small[0]][3])
+        sound[small] = joined.sound()
+        costs = dict(zip(small, joined.costs(), strict=True))
     made = []
-    for run, side, own in zip(runs, sides, costs, strict=True):
-        try:
-            made.append(_numbers(resolved, side, own))
-        except TgospaError as error:
-            raise _of_run(error, run) from None
+    for k, run in enumerate(runs):
+        with _of_run(run):
+            pair_read = noticed(*read[k], sound=bool(sound[k]))
+            made.append(_numbers(resolved, pair_read, costs.get(k)))
     return begin, made
 
 
-def _of_run(error: TgospaError, run: str) -> TgospaError:
-    """An error with the name of the run before each line."""
-    return type(error)(*(f"run {quoted(run)}: {line}" for line in error.args))
+@contextmanager
+def _of_run(run: str) -> Iterator[None]:
+    """Put the name of the run before each line of an error."""
+    try:
+        yield
+    except TgospaError as error:
+        raise type(error)(*(f"run {quoted(run)}: {line}" for line in error.args)) from None
 
 
 def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:

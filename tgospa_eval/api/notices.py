@@ -70,6 +70,8 @@ def pair_notices(
     files: Sequence[Reading],
     sides: AlignedPair,
     request: EvaluationRequest,
+    *,
+    sound: bool = False,
 ) -> Iterator[Notice]:
     """What the user should know of both sides, of the distance, and of the two together.
 
@@ -79,6 +81,8 @@ def pair_notices(
         Both sides, what messages call them, and how they were read.
     sides, request : AlignedPair, EvaluationRequest
         The same, aligned, and what is asked of them.
+    sound : bool
+        Whether it is known that nothing is wrong with clocks and states.
     """
     for name, side in zip(names, files, strict=True):
         yield from about(name, side)
@@ -101,7 +105,7 @@ def pair_notices(
         )
         for text in request.ignoring.told(ignored=ignored, excused=excused):
             yield Notice(text=text)
-    found = diagnose(sides, request)
+    found = diagnose(sides, request, sound=sound)
     yield from found
     if request.defaults:
         yield default_notice(

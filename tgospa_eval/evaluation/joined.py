@@ -10,12 +10,31 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Resources
-from tgospa_eval.distances.pair_search import plain_norm, prepared_pairs
+from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.distances.vector import Norm
+from tgospa_eval.evaluation.diagnosis.clock import (
+    LEAST_ERROR,
+    MOVES,
+    ROBUST,
+    STRETCHES,
+    SUSPICIOUS,
+)
+from tgospa_eval.evaluation.diagnosis.costs import (
+    FEWEST_STEPS,
+    FIRST_STEPS,
+    PAIRED,
+    SAMPLE_PAIRS,
+    SAMPLE_ROWS,
+    StepCosts,
+    StepRows,
+    occupied,
+    step_costs,
+)
+from tgospa_eval.evaluation.diagnosis.states import FITTED, SOME
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.prove import LARGE
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -29,6 +48,7 @@ from tgospa_eval.problem.certificate import (
 )
 from tgospa_eval.problem.metric_family import tgospa_problem
 from tgospa_eval.problem.paths import lower_sums
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.problem.states import States, merge_runs
 from tgospa_eval.results.records import Costs
@@ -38,6 +58,9 @@ from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.far_cutoff import fitting_scales
 from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
+
+SURELY = 1.001
+"""By how much a test is passed more clearly than it has to be, since sums are rounded otherwise."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
@@ -56,47 +79,34 @@ def can_be_joined(request: EvaluationRequest) -> bool:
     )
 
 
-def joined_costs(pairs: Sequence[AlignedPair], request: EvaluationRequest) -> list[Costs | None]:
-    """Bounds and breakdown of each pair, those of an evaluation by itself to the last bit.
-
-    None of a pair that has to be evaluated by itself: it is of another distance, or has costs that
-    need another cutoff, or is not solved by what all are solved by.
-
-    Parameters
-    ----------
-    pairs : sequence of AlignedPair
-        What is evaluated.
-    request : EvaluationRequest
-        What is asked of them, of which `can_be_joined` is true.
-    """
-    alike = [k for k, pair in enumerate(pairs) if _is_like(pair, pairs[0])]
-    costs: list[Costs | None] = [None] * len(pairs)
-    if alike:
-        joined = _Joined([pairs[k] for k in alike], request)
-        for k, own in zip(alike, joined.costs(), strict=True):
-            costs[k] = own
-    return costs
-
-
-def _is_like(pair: AlignedPair, first: AlignedPair) -> bool:
+def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
     """Whether a pair has points and the distance of the first, and coordinates of all digits."""
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
         pair.alignment.held is None
         and pair.distance == first.distance
-        and pair.alignment.truth.columns == first.alignment.truth.columns
-        and plain_norm(sides, pair.distance) is not None
+        and sides[0].columns == first.alignment.truth.columns
+        and all(side.kind == "point" and side.state.flags.c_contiguous for side in sides)
         and all(abs(side.state).max(initial=0.0) < LARGE for side in sides)
     )
 
 
-class _Joined:
+class JoinedPairs:
     """Pairs one after the other in time.
+
+    Parameters
+    ----------
+    pairs : sequence of AlignedPair
+        What is evaluated, each like the first (`is_like`).
+    request : EvaluationRequest
+        What is asked of them, of which `can_be_joined` is true.
 
     Attributes
     ----------
-    steps, tracks, rows : arrays
-        First step (N + 1,), and of either side first track and row of each pair, and the end.
+    steps : (N + 1,) int array
+        First step of each pair, and the end.
+    tracks, rows : lists of two (N + 1,) int arrays
+        The same of the tracks and of the rows of either side.
     """
 
     def __init__(self, pairs: Sequence[AlignedPair], request: EvaluationRequest) -> None:
@@ -110,9 +120,12 @@ class _Joined:
             self.tracks.append(_ends(len(one.ids) for one in side))
             self.rows.append(_ends(len(one.step) for one in side))
             sides.append(self._one_side(side))
-        distance = pairs[0].distance
+        self.distance, self.sides = pairs[0].distance, (sides[0], sides[1])
+
+    def reduced(self) -> States:
+        """The problem of all, and where the parts of each pair are in it."""
         effort = Resources(jobs=1)
-        seen, distance = distance.prepared((sides[0], sides[1]), effort)
+        seen, distance = self.distance.prepared(self.sides, effort)
         near = prepared_pairs(seen, self.parameters.cutoff, distance, effort)
         truth, estimate = seen
         problem = tgospa_problem(
@@ -129,14 +142,15 @@ class _Joined:
             distance=near.distance,
             distance_error=distance.error(truth.state.shape[1]),
         )
-        self.states = states = merge_runs(problem)
-        parts = np.arange(len(pairs) + 1)
+        states = merge_runs(problem)
+        parts = np.arange(len(self.steps))
         of_pair = np.searchsorted(self.tracks[0], states.pair_truth, side="right") - 1
         self.pairs = np.searchsorted(of_pair, parts).astype(np.int32)
         self.home = np.zeros(len(states.block_begin), np.int64)
         self.home[states.pair_block] = of_pair
         self.blocks = np.searchsorted(self.home, parts).tolist()
         self.entries = np.searchsorted(problem.entry_step, self.steps)
+        return states
 
     def _one_side(self, sides: Sequence[Trajectories]) -> Trajectories:
         k = len(self.rows) - 1
@@ -151,9 +165,84 @@ class _Joined:
             columns=sides[0].columns,
         )
 
+    def sound(self) -> Mask:
+        """Pairs in which `diagnose` sees nothing wrong with clocks and states; others may be well.
+
+        Its first tests, on the same steps of all pairs at once. What is near a limit is not sound.
+        """
+        sides, count = self.sides, len(self.steps) - 1
+        both = places_of(occupied(sides[0]) & occupied(sides[1]))
+        bounds = np.searchsorted(both, self.steps)
+        size = np.minimum(np.diff(bounds), FIRST_STEPS)
+        pair = np.arange(count).repeat(size)
+        place = concatenated(np.zeros(count, int), size)
+        steps = both[bounds[pair] + place * np.diff(bounds)[pair] // size[pair]]
+        looked_at = StepRows.of(sides[0], steps), StepRows.of(sides[1], steps)
+        here = step_costs(*looked_at, self.parameters, self.distance)
+        objects = [np.diff(rows) / np.diff(self.steps) for rows in self.rows]
+        affordable = (objects[0] * objects[1] * FIRST_STEPS <= SAMPLE_PAIRS) & (
+            np.maximum(*objects) * FIRST_STEPS <= SAMPLE_ROWS
+        )
+
+        def sums(value: Floats | Ints | Mask) -> Floats:
+            return sum_by(pair, value, count)
+
+        at = here.step[here.taken]
+        each = np.bincount(at, minlength=len(steps))
+        taken, has_pairs, possible = sums(each), sums(each > 0), sums(np.minimum(*here.counts))
+        sound: Mask = affordable & (has_pairs >= FEWEST_STEPS)
+        sound &= taken >= np.maximum(np.maximum(PAIRED, FITTED), SURELY * SOME * possible)
+        sound &= 2 * SURELY * sums(here.upper) <= sums(here.unassigned)
+        sound &= ~self._displaced(here, looked_at, pair[at])
+        return sound & ~self._moved(here, looked_at[0], steps, pair)
+
+    def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
+        """Pairs whose differences of near states may mostly be one and the same."""
+        first, second = (
+            side.side.state[side.row[rows[here.taken]]]
+            for side, rows in zip(looked_at, here.rows, strict=True)
+        )
+        apart, count = first - second, len(self.steps) - 1
+        number = np.maximum(np.bincount(pair, minlength=count), 1)
+        around, whole = np.zeros(count), np.zeros(count)
+        for column in apart.T:
+            mean = sum_by(pair, column, count) / number
+            around += sum_by(pair, np.square(column - mean[pair]), count)
+            whole += sum_by(pair, np.square(column), count)
+        displaced: Mask = 2 * around <= SURELY * whole
+        return displaced
+
+    def _moved(self, here: StepCosts, truth: StepRows, steps: Ints, pair: Ints) -> Mask:
+        """Pairs that may fit better one step earlier or later."""
+        count, ways = len(self.steps) - 1, len(MOVES)
+        moved = (steps + MOVES).clip(self.steps[pair], self.steps[pair + 1] - 1)
+        truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, ways))
+        estimates = StepRows.of(self.sides[1], moved.ravel())
+        there = step_costs(truths, estimates, self.parameters, self.distance)
+        own, lost = (here.step[here.taken], there.step[there.taken]), (here.lost, there.lost)
+        size = max(len(steps), 1)
+        usual = [_medians(here.lost, pair[own[0]], count)]
+        for way in range(ways):
+            of_way = own[1] // size == way
+            usual.append(_medians(there.lost[of_way], pair[own[1][of_way] % size], count))
+        sharp = 1 / np.minimum(np.maximum(ROBUST * np.min(usual, axis=0), LEAST_ERROR), 1.0)
+        gains = [
+            sum_by(at, np.maximum(1 - sharp[pair[at % size]] * values, 0.0), ends)
+            for at, values, ends in zip(own, lost, (len(steps), ways * len(steps)), strict=True)
+        ]
+        better = np.zeros(count, bool)
+        for gain in gains[1].reshape(ways, len(steps)):
+            better |= _significances(gain - gains[0], pair, count) > SUSPICIOUS / SURELY
+        return better
+
     def costs(self) -> Iterator[Costs | None]:
-        """Of each pair; None of those that have to be evaluated by themselves."""
-        states, problem = self.states, self.states.problem
+        """Bounds and breakdown of each, those of an evaluation by itself to the last bit.
+
+        None of a pair that has to be evaluated by itself: it has costs that need another cutoff, or
+        is not solved by what all are solved by.
+        """
+        self.states = states = self.reduced()
+        problem = states.problem
         weights, prices, alone = self._solve()
         if problem.cost_slack:  # of powers near the smallest double
             alone[:] = True
@@ -238,6 +327,32 @@ class _Joined:
             first = np.concatenate(([0], np.cumsum(is_unpaired)))[rows]
             costs.append(lower_sums(side.price[is_unpaired], first).tolist())
         return costs
+
+
+def _medians(values: Floats, group: Ints, count: int) -> Floats:
+    """Median of the values of each group, 1 of none."""
+    order = np.lexsort((values, group))
+    first = np.searchsorted(group[order], np.arange(count + 1))
+    size, ordered = np.diff(first), np.append(values[order], 1.0)
+    low, high = (np.where(size > 0, first[:-1] + k // 2, -1) for k in (size - 1, size))
+    return 0.5 * ordered[low] + 0.5 * ordered[high]
+
+
+def _significances(values: Floats, group: Ints, count: int) -> Floats:
+    """`significance` of the values of each group, which come in order."""
+    size = np.bincount(group, minlength=count)
+    parts = np.minimum(size, STRETCHES)
+    of = np.arange(count).repeat(parts)
+    place = concatenated(np.zeros(count, int), parts)
+    starts = (np.cumsum(size) - size)[of] + place * size[of] // parts[of]
+    sums = np.add.reduceat(values, starts) if len(of) else values
+    total = sum_by(of, sums, count)
+    parts = np.maximum(parts, 1)
+    spread = sum_by(of, np.square(sums - (total / parts)[of]), count)
+    spread *= parts / np.maximum(parts - 1, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        known = total / np.sqrt(spread)
+    return np.where(spread > 1e-24 * total * total, known, np.where(total > 0, np.inf, 0.0))
 
 
 def _ends(sizes: Iterable[int]) -> Ints:

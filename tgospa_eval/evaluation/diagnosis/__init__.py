@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
-def diagnose(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
+def diagnose(
+    sides: "AlignedPair", request: "EvaluationRequest", *, sound: bool = False
+) -> list[Notice]:
     """Warnings about two sides, and what is to be told of gaps of the truth.
 
     Parameters
@@ -47,17 +49,21 @@ def diagnose(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]
         Truth and estimate.
     request : EvaluationRequest
         What is asked of them.
+    sound : bool
+        Whether it is known that nothing is wrong with clocks and states.
     """
     aligned, parameters = sides.alignment, request.parameters
     if aligned.held is not None:  # what is compared are reports, at their stamps
         for (truth, reports), _ in itertools.islice(aligned.held.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
-    sample = Sample(pair, parameters, distance, FIRST_STEPS)
+    sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
     found = side_warnings(sides.read)
     clock = clock_warnings(sides, request, sample)
     found += clock
-    if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
+    if sample is not None and not any(
+        notice.code in ("clock-shift", "stamps-near") for notice in clock
+    ):
         crs = str(request.recorded.get("estimate_crs", ""))
         found += (in_other_axes(notice, crs) for notice in state_warnings(sample))
     found += step_warnings(sides, request.time_matching)

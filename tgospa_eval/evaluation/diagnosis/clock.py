@@ -641,12 +641,12 @@ RATES = 3.0
 
 
 def clock_warnings(
-    sides: "AlignedPair", request: "EvaluationRequest", sample: Sample
+    sides: "AlignedPair", request: "EvaluationRequest", sample: Sample | None
 ) -> list[Notice]:
-    """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
+    """What looks wrong with the times of the two sides; without sample their clocks are sound."""
     found = [_few_common(sides, request.time_matching)]
     clock = None
-    if not _looks_sound(sample):
+    if sample is not None and not _looks_sound(sample):
         clock = find_clock(sides.given, sample.parameters, sample.distance, request.recorded)
     if clock is not None and clock.saving >= WORTH:
         found.append(_clock_warning(clock, sides.given[0].clock))
