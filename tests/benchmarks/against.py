@@ -4,6 +4,7 @@ The other is built from the repository into a temporary folder, with the librari
 """
 
 import compileall
+import json
 import os
 import subprocess
 import sys
@@ -20,14 +21,21 @@ ROUNDS, QUICK = (3, 7), 10.0
 may all be slow."""
 
 EVALUATION = """
-import sys, time
+import json, sys, time
 sys.path[:0] = [sys.argv[1] + "/tests/benchmarks", sys.argv[1] + "/tests/support"]
 from scenes import Scene
-from tgospa_eval import Certified, evaluate
-truth, estimate = Scene.parse(sys.argv[2]).arrays(0)
-asked = {"curve": True} if sys.argv[3:] else {}
+import tgospa_eval
+scene = Scene.parse(sys.argv[2])
+asked = {"cutoff": 5.0, "switch_penalty": 2.0, "jobs": 1, **json.loads(sys.argv[3])}
+scenes = asked.pop("scenes", 1)
+pairs = [scene.arrays(seed) for seed in range(scenes)]
+many = scenes > 1 and getattr(tgospa_eval, "evaluate_many", None)
 def run(steps=None):
-    evaluate(truth[:steps], estimate[:steps], 5.0, 2, 2.0, solver=Certified(jobs=1), **asked)
+    cut = [(truth[:steps], estimate[:steps]) for truth, estimate in pairs]
+    if many:
+        many(cut, **asked)
+    else:
+        [tgospa_eval.evaluate(*pair, **asked) for pair in cut]
 run(5)
 best, until = float("inf"), time.monotonic() + 2.0
 while best == float("inf") or time.monotonic() < until:
@@ -36,7 +44,7 @@ while best == float("inf") or time.monotonic() < until:
     best = min(best, time.process_time() - begin)
 print(best)
 """
-"""Least seconds of an evaluation in a warm process."""
+"""Least seconds of an evaluation, or of several scenes, in a warm process."""
 
 COMMAND = """
 import sys, time
@@ -63,15 +71,27 @@ def cases(folder: Path) -> dict[str, tuple[str, ...]]:
     files = [str(folder / "crowd" / f"{side}.csv") for side in ("truth", "estimate")]
     small = [str(ROOT / "sample_data/quickstart" / f"{side}.csv") for side in ("truth", "estimate")]
     small += ["-c", "10", "-g", "5", "-q"]
-    found = {
-        scene: (EVALUATION, str(ROOT), scene)
+    scenes: dict[str, tuple[str, dict[str, object]]] = {
+        scene: (scene, {})
         for scene in (
             *("10,50,20", "20,50,20,1", "50,100,20,2", "100,300,150,2", "100,100,300"),
             *("100,100,20,2", "100,20,20,2", "50,100,10,2", "200,30,30,2"),  # crowds
         )
     }
+    scenes |= {
+        "curve of 20,200,60": ("20,200,60", {"curve": True}),
+        "10,50,20 without switches": ("10,50,20", {"switch_penalty": 0.0}),
+        "60,50,20,2 with c = 10": ("60,50,20,2", {"cutoff": 10.0}),
+        "100,25,20,2 with c = 20": ("100,25,20,2", {"cutoff": 20.0}),
+        "200 scenes 5,56,60": ("5,56,60", {"scenes": 200}),
+        "200 scenes 10,50,100": ("10,50,100", {"scenes": 200}),
+        "200 scenes 10,50,20": ("10,50,20", {"scenes": 200}),
+    }
+    found = {
+        name: (EVALUATION, str(ROOT), scene, json.dumps(asked))
+        for name, (scene, asked) in scenes.items()
+    }
     return found | {
-        "curve of 20,200,60": (EVALUATION, str(ROOT), "20,200,60", "curve"),
         "centres of boxes, c = 100": (COMMAND, *files, "-c", "100", "-g", "10", "-q"),
         "boxes, iou": (COMMAND, *files, "--distance", "iou", "-q"),
         "start and two small files": (COMMAND, *small),

@@ -94,7 +94,10 @@ class Evaluations(Sequence[Result]):
         return result
 
     def table(self) -> "pd.DataFrame":
-        """A row for each pair, with the columns of `Batch.rows`: values, bounds, parts, counts."""
+        """A row for each pair: values, bounds, parts and counts as of `Batch.rows`.
+
+        ``warnings`` are the codes of what looks wrong.
+        """
         return as_frame({name: [row[name] for row in self.rows] for name in self.rows[0]})
 
     def __str__(self) -> str:
@@ -163,7 +166,7 @@ def evaluate_many(
     --------
     >>> many = evaluate_many([(truth, estimate), (truth, other)], cutoff=10, switch_penalty=5)
     >>> many.table()[["run", "tgospa", "missed"]]
-    >>> many[0].worst_steps
+    >>> many[0].worst()
     """
     given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
     request = requested(given | {"jobs": 1})
@@ -284,7 +287,8 @@ def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -
         steps = max(len(sides.fitted.axis.horizon.times) or len(aligned.truth.times), 1)
         objects = len(aligned.truth.step), len(aligned.estimate.step)
     row = costs.numbers(sides.request.solver.gap, steps)
-    return row | dict(zip(SIZES, (steps, *objects), strict=True)) | others, warnings
+    row |= dict(zip(SIZES, (steps, *objects), strict=True)) | others
+    return row | {"warnings": " ".join(notice.code for notice in warnings)}, warnings
 
 
 def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:

@@ -185,7 +185,7 @@ class JoinedPairs:
         )
 
         def sums(value: Floats | Ints | Mask) -> Floats:
-            return sum_by(pair, value, count)
+            return sum_by(pair, value.astype(np.float64), count)
 
         at = here.step[here.taken]
         each = np.bincount(at, minlength=len(steps))
