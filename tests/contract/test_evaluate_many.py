@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tgospa_eval import InputError, TgospaWarning, Trajectories, evaluate, evaluate_many
 
@@ -58,19 +60,20 @@ def same(pairs: list[Pair], **options: Any) -> None:
         assert (row["sizes.truth_states"], row["sizes.estimate_states"]) == result.objects
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"cutoff": 5.0, "switch_penalty": 2.0},
-        {"cutoff": 1.0, "switch_penalty": 0.0},
-        {"cutoff": 1000.0, "switch_penalty": 1e-3, "order": 1.0},
-        {"cutoff": 2.0, "switch_penalty": 500.0, "distance": "manhattan"},
-        {},
-    ],
-)
-def test_numbers_and_warnings_are_those_of_each_pair(options: dict[str, Any]) -> None:
-    rng = np.random.default_rng(len(options))
-    same([scene(rng) for _ in range(60)], **options)
+OPTIONS: list[dict[str, Any]] = [
+    {"cutoff": 5.0, "switch_penalty": 2.0},
+    {"cutoff": 1.0, "switch_penalty": 0.0},
+    {"cutoff": 1000.0, "switch_penalty": 1e-3, "order": 1.0},
+    {"cutoff": 2.0, "switch_penalty": 500.0, "distance": "manhattan"},
+    {},
+]
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1), options=st.sampled_from(OPTIONS))
+def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[str, Any]) -> None:
+    rng = np.random.default_rng(seed)
+    same([scene(rng) for _ in range(12)], **options)
 
 
 def test_what_cannot_be_joined_is_evaluated_by_itself() -> None:
