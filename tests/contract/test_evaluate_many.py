@@ -69,11 +69,11 @@ OPTIONS: list[dict[str, Any]] = [
 ]
 
 
-@settings(max_examples=25)
+@settings(max_examples=5)
 @given(seed=st.integers(0, 2**32 - 1), options=st.sampled_from(OPTIONS))
 def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[str, Any]) -> None:
     rng = np.random.default_rng(seed)
-    same([scene(rng) for _ in range(12)], **options)
+    same([scene(rng) for _ in range(8)], **options)
 
 
 def test_what_cannot_be_joined_is_evaluated_by_itself() -> None:
@@ -100,8 +100,8 @@ def test_sides_in_every_form_are_the_same_runs() -> None:
         for x, y in (np.moveaxis(side, -1, 0) for side in (truth, estimate))
     ]
     made = [tuple(Trajectories.from_array(side) for side in pair) for pair in pairs]
-    for given in ((pairs,), (truth, estimate), ([*truth], [*estimate]), tables, (made,)):
-        many = evaluate_many(*given, **options)
+    for sides in ((pairs,), (truth, estimate), ([*truth], [*estimate]), tables, (made,)):
+        many = evaluate_many(*sides, **options)
         assert many.table()["tgospa"].tolist() == expected
         assert [result.tgospa for result in many] == expected
     named = evaluate_many({"a": pairs[0], "b": pairs[1]}, **options)
