@@ -17,27 +17,8 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.solution import Brackets, Unjudged, Windows
+from tgospa_eval.results import records
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.records import (
-    PARTS,
-    SPLIT_PARTS,
-    USUAL_SCORE,
-    Calibration,
-    Columns,
-    Costs,
-    Json,
-    Labels,
-    MetricSums,
-    OtherMetrics,
-    Similarity,
-    as_lists,
-    costliest,
-    json_text,
-    members_in_words,
-    outward,
-    records,
-    step_columns,
-)
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary, TrackedShares, flat, headline
 from tgospa_eval.text import quoted
@@ -52,7 +33,7 @@ OPEN = 0.99
 """Relative gap from which a bracket says hardly more than its upper bound."""
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
-LOGGED = (*BRACKET, *PARTS)
+LOGGED = (*BRACKET, *records.PARTS)
 """What every result has one number of."""
 
 DOCUMENTED = (
@@ -131,13 +112,13 @@ class Evaluation(ABC):
         What the summary calls mostly tracked and mostly lost.
     """
 
-    proof: Costs
-    labels: Labels
+    proof: records.Costs
+    labels: records.Labels
     gap: float
     settings: Mapping[str, object]
-    solver: Json
-    timings: Json
-    input: Mapping[str, Json]
+    solver: records.Json
+    timings: records.Json
+    input: Mapping[str, records.Json]
     evaluated_on: Coverage
     sizes: dict[str, int]
     objects: tuple[int, int]
@@ -148,12 +129,12 @@ class Evaluation(ABC):
     warnings: tuple[Notice, ...] = ()
     notices: tuple[str, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
-    with_: OtherMetrics = field(default_factory=dict)
+    with_: records.OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
-    sums: MetricSums = field(default_factory=dict)
+    sums: records.MetricSums = field(default_factory=dict)
     unjudged: Unjudged | None = None
     nees: NeesSums | None = None
-    calibration: Calibration | None = None
+    calibration: records.Calibration | None = None
     settings_file: SettingsFile | None = None
     tracked_shares: TrackedShares = TrackedShares()
 
@@ -183,13 +164,15 @@ class Evaluation(ABC):
 
     def outward_root(self, cost: float, sign: int) -> float:
         """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
-        return outward(self._root(cost), sign, float(self._root_error(cost)))
+        return records.outward(self._root(cost), sign, float(self._root_error(cost)))
 
     @property
     def total_bounds(self) -> tuple[float, float]:
         """Proven bounds of the cost, rounded outward."""
         bounds = self.proof.bounds
-        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
+        return records.outward(self.scale * bounds.lower, -1), records.outward(
+            self.scale * bounds.upper, 1
+        )
 
     @property
     def tgospa(self) -> float:
@@ -326,7 +309,7 @@ class Evaluation(ABC):
         """Whether the assignment is proven to be the only best one; None if that is not known."""
 
     @property
-    def summary(self) -> Json:
+    def summary(self) -> records.Json:
         """Numbers of tracking of the reported assignment (docs/reference/summary.md).
 
         ``unique`` says whether that is proven to be the only best one: else another one may have
@@ -362,14 +345,14 @@ class Evaluation(ABC):
 
     def parameters_in_words(self, unit: str | None = None) -> str:
         """Cutoff, order, switch penalty, and what makes it another metric of the family."""
-        return self.proof.parameters.in_words(unit) + members_in_words(self.settings)
+        return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
     def judged(self) -> dict[str, object]:
         """What the value was judged on: the horizon, and the truth that counts."""
         return self.evaluated_on.record()
 
-    def table(self, name: str) -> Columns:
+    def table(self, name: str) -> records.Columns:
         """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
         ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
@@ -381,23 +364,23 @@ class Evaluation(ABC):
             There is no such table.
         """
         if name in ("per_step", "curve", "windows", "per_class"):
-            made: Columns = getattr(self, f"_{name}")()
+            made: records.Columns = getattr(self, f"_{name}")()
             return made
         if name in ("assignments", "switches", "per_truth", "per_estimate"):
             return self._of_tracks(name)
         raise ConfigError(f"no table {quoted(name)}; see Result.table")
 
     @abstractmethod
-    def _of_tracks(self, name: str) -> Columns:
+    def _of_tracks(self, name: str) -> records.Columns:
         """``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
-    def _per_step(self) -> Columns:
+    def _per_step(self) -> records.Columns:
         """Cost of each step by kind."""
-        costs = step_columns(self.proof.breakdown, self.scale)
+        costs = records.step_columns(self.proof.breakdown, self.scale)
         ignored = {} if self.unjudged is None else vars(self.unjudged)
-        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(ignored)
+        return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
 
-    def _curve(self) -> Columns:
+    def _curve(self) -> records.Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
 
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
@@ -408,13 +391,13 @@ class Evaluation(ABC):
             return {}
         steps = self.evaluated_on.so_far
         each = np.maximum(steps, 1)
-        table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
+        table: records.Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
         table |= self._rooted(traced, each)
-        for name, cost in zip(PARTS, traced.parts, strict=True):
+        for name, cost in zip(records.PARTS, traced.parts, strict=True):
             table[name] = (self.scale * cost / each).tolist()
         return table
 
-    def _windows(self) -> Columns:
+    def _windows(self) -> records.Columns:
         """The sliding windows: no columns if they were not asked for.
 
         Of each window the metric by itself with its bounds and the parts of its cost, and
@@ -425,21 +408,21 @@ class Evaluation(ABC):
             return {}
         times = self.labels.times
         steps = self.evaluated_on.so_far[slid.last] - self.evaluated_on.before[slid.first]
-        table: Columns = {
+        table: records.Columns = {
             "t_first": [times[k] for k in slid.first.tolist()],
             "t_last": [times[k] for k in slid.last.tolist()],
             "steps": steps.tolist(),
         }
         table |= self._rooted(slid, np.ones(len(steps)))
         table["normalised"] = self._rooted(slid, np.maximum(steps, 1))["tgospa"]
-        for name, cost in zip(PARTS, slid.parts, strict=True):
+        for name, cost in zip(records.PARTS, slid.parts, strict=True):
             table[name] = (self.scale * cost).tolist()
         return table
 
-    def _rooted(self, found: Brackets, each: Floats | Ints) -> Columns:
+    def _rooted(self, found: Brackets, each: Floats | Ints) -> records.Columns:
         """The metric of costs that are divided by `each`, and its bounds."""
         power = 1 / self.proof.parameters.order
-        table: Columns = {}
+        table: records.Columns = {}
         for name, cost, sign in (
             ("tgospa", found.parts.sum(axis=0), 0),
             ("lower_bound", found.lower, -1),
@@ -449,19 +432,19 @@ class Evaluation(ABC):
             table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
         return table
 
-    def first_switches(self, most: int) -> tuple[Columns, int]:
+    def first_switches(self, most: int) -> tuple[records.Columns, int]:
         """The first rows of the table of switches, so many at most, and how many it has."""
         table = self.table("switches")
         return {name: column[:most] for name, column in table.items()}, len(table["t"])
 
-    def _per_class(self) -> Columns:
+    def _per_class(self) -> records.Columns:
         """Value and costs of each class, where they were evaluated apart; else no columns."""
         return {}
 
-    def worst(self, count: int = 5) -> Columns:
+    def worst(self, count: int = 5) -> records.Columns:
         """The `count` costliest steps, truths and estimates, in order, free ones left out."""
         per_step = self.table("per_step")
-        answer = {"steps": costliest(per_step["t"], np.array(per_step["total"]), count)}
+        answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):
             answer[name] = self._worst_tracks(kind, count)
         return answer
@@ -469,13 +452,13 @@ class Evaluation(ABC):
     def _worst_tracks(self, kind: str, count: int) -> list[str]:
         table = self.table("per_truth" if kind == "missed" else "per_estimate")
         cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
-        return costliest(table["id"], np.asarray(cost), count)
+        return records.costliest(table["id"], np.asarray(cost), count)
 
-    def to_dict(self) -> Json:
+    def to_dict(self) -> records.Json:
         """The JSON document as plain Python values."""
-        curve = {} if self.traced is None else {"curve": records(self.table("curve"))}
+        curve = {} if self.traced is None else {"curve": records.records(self.table("curve"))}
         if self.slid is not None:
-            curve["windows"] = records(self.table("windows"))
+            curve["windows"] = records.records(self.table("windows"))
         return {
             **self.split_parts,
             **curve,
@@ -493,17 +476,17 @@ class Evaluation(ABC):
             **settings_field(self.settings_file),
         }
 
-    def _records(self) -> Json:
+    def _records(self) -> records.Json:
         """What has a record for each step, and for each switch."""
         return {
-            "per_step": records(self.table("per_step")),
-            "switches": records(self.table("switches")),
+            "per_step": records.records(self.table("per_step")),
+            "switches": records.records(self.table("switches")),
         }
 
     @property
     def split_parts(self) -> dict[str, float]:
         """Those parts of localisation that there are."""
-        found = {name: getattr(self, name) for name in SPLIT_PARTS}
+        found = {name: getattr(self, name) for name in records.SPLIT_PARTS}
         return {name: part for name, part in found.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
@@ -538,8 +521,8 @@ class Evaluation(ABC):
         return _dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
-        self, false_targets: float | None = None, score: float = USUAL_SCORE
-    ) -> Similarity:
+        self, false_targets: float | None = None, score: float = records.USUAL_SCORE
+    ) -> records.Similarity:
         """A score from 0 to 1 of the value per step: 1 is perfect.
 
         Parameters
@@ -562,7 +545,7 @@ class Evaluation(ABC):
         """
         calibration = self.calibration
         if false_targets is not None:
-            calibration = Calibration(false_targets=false_targets, score=score)
+            calibration = records.Calibration(false_targets=false_targets, score=score)
         if calibration is None:
             raise ConfigError("similarity: say how many false targets at each step score 0.1")
         if "step_weights" in self.settings:
@@ -579,7 +562,7 @@ class Evaluation(ABC):
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""
-        return json_text(self.to_dict())
+        return records.json_text(self.to_dict())
 
     def quantity(self, value: float, digits: int = 6) -> str:
         """A value in words, with the unit of the states."""

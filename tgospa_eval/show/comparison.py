@@ -13,6 +13,7 @@ from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.results.sweep import Point, SweepEvaluation
+from tgospa_eval.show import result_text, study_table
 from tgospa_eval.show.rendering import (
     EXACT,
     LETTERS,
@@ -37,20 +38,6 @@ from tgospa_eval.show.rendering import (
     size_of,
     table_of,
     unit_of,
-)
-from tgospa_eval.show.result_text import (
-    covariances_table,
-    direction,
-    grouped_table,
-    other_columns,
-)
-from tgospa_eval.show.study_table import (
-    INTERVAL,
-    StudyRow,
-    costs_table,
-    study_caption,
-    study_table,
-    value_name,
 )
 
 TIES = (
@@ -109,7 +96,7 @@ def estimates_columns(document: Json) -> Columns:
         for rule in RULES:
             names = ("switches", "halves", "total", "mean")
             table |= columns([step[rule] for step in steps], names, f"{rule}_")
-    return table | other_columns([item.get("with", {}) for item in items])
+    return table | result_text.other_columns([item.get("with", {}) for item in items])
 
 
 def pairs_columns(document: Json) -> Columns:
@@ -131,7 +118,7 @@ def _order(document: Json) -> str:
         value = _between(item["lower_bound"], item["tgospa"])
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    value = value_name(document["parameters"]["order"], document["runs"])
+    value = study_table.value_name(document["parameters"]["order"], document["runs"])
     return order_in_words(value, estimates, document["pairs"])
 
 
@@ -164,13 +151,13 @@ def _runs(document: Json) -> str:
     )
 
 
-def study_rows(document: Json) -> list[StudyRow]:
+def study_rows(document: Json) -> list[study_table.StudyRow]:
     """A row for each estimate, best first."""
     items, pairs = document["estimates"], document["pairs"]
     equal, first = equal_names(pairs), items[0]["name"]
     p_values = {pair["second"]: pair["p_holm"] for pair in pairs if pair["first"] == first}
     return [
-        StudyRow(
+        study_table.StudyRow(
             names=(item["name"],),
             jobs=f"{document['runs']:,}",
             steps=sum(document["steps"]) / document["runs"],
@@ -194,17 +181,17 @@ def study_rows(document: Json) -> list[StudyRow]:
 def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[Table]:
     """The table of the study, and below differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
-    title = value_name(document["parameters"]["order"], document["runs"])
-    caption = study_caption(title, document["parameters"])
-    yield study_table(rows, ("estimate",), rivals, title, asked, caption)
+    title = study_table.value_name(document["parameters"]["order"], document["runs"])
+    caption = study_table.study_caption(title, document["parameters"])
+    yield study_table.study_table(rows, ("estimate",), rivals, title, asked, caption)
     yield from _pair_tables(document)
-    yield costs_table(rows, ("costs",), rivals, caption)
+    yield study_table.costs_table(rows, ("costs",), rivals, caption)
     yield from _covariances(document["estimates"])
 
 
 def _covariances(estimates: list[Json]) -> Iterator[Table]:
     names = [(item["name"],) for item in estimates]
-    return covariances_table(("covariances",), names, estimates)
+    return result_text.covariances_table(("covariances",), names, estimates)
 
 
 def _pair_tables(document: Json) -> Iterator[Table]:
@@ -260,7 +247,7 @@ def _other_tables(document: Json) -> Iterator[Table]:
     items = document["estimates"]
     names = [(item["name"],) for item in items]
     found = [item.get("with", {}) for item in items]
-    yield from grouped_table(("others",), names, found, [range(len(items))])
+    yield from result_text.grouped_table(("others",), names, found, [range(len(items))])
 
 
 def _ranking_notes(document: Json) -> Iterator[str]:
@@ -272,12 +259,12 @@ def _ranking_notes(document: Json) -> Iterator[str]:
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
         found = {pair["verdict"] for pair in document["pairs"]}
-        title = value_name(document["parameters"]["order"], document["runs"])
+        title = study_table.value_name(document["parameters"]["order"], document["runs"])
         if estimates[0]["confidence"]:
             yield (
-                f"{title} and its {INTERVAL} over {counted(document['runs'], 'run')}: by Student's "
-                "t and the jackknife; p of the difference to the best: by a two-sided permutation "
-                "test, adjusted for all pairs (Holm), significant below 0.05"
+                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: by "
+                "Student's t and the jackknife; p of the difference to the best: by a two-sided "
+                "permutation test, adjusted for all pairs (Holm), significant below 0.05"
             )
         yield "; ".join(
             [
@@ -291,7 +278,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
         yield name + sentence
     if estimates[0]["per_step_gospa"] is not None:
         yield TIES
-    yield from direction(estimates[0].get("with", {}))
+    yield from result_text.direction(estimates[0].get("with", {}))
 
 
 def _between(low: float, high: float, sign: str = "") -> str:

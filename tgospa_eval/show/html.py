@@ -26,43 +26,9 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import percent
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.batch import (
-    BANDS,
-    BatchTables,
-    Ranking,
-    about_others,
-    about_slices_of,
-    bracket,
-    of_expected,
-    other_tables,
-    parameters_in_words,
-    slice_tables,
-)
+from tgospa_eval.show import batch, rendering, result_text
 from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
-from tgospa_eval.show.rendering import (
-    ORDERS,
-    Document,
-    Table,
-    order_in_words,
-    place_in_words,
-)
-from tgospa_eval.show.result_text import (
-    SPLIT_WORDS,
-    about_slices,
-    association_text,
-    class_table,
-    meaning,
-    other_table,
-    part_rows,
-    repair_notes,
-    repair_table,
-    share,
-    shown_slices,
-    similarity,
-    similarity_in_words,
-    summary_of,
-)
 from tgospa_eval.show.study_table import NARROW
 from tgospa_eval.show.style import (
     DARK,
@@ -117,8 +83,8 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
         .render(
             **_values(result, names),
             partitioned=isinstance(result, PartitionedResult),
-            repairs=[] if repaired is None else repair_table(result, repaired).rows,
-            repair_notes=[] if repaired is None else list(repair_notes(repaired)),
+            repairs=[] if repaired is None else result_text.repair_table(result, repaired).rows,
+            repair_notes=[] if repaired is None else list(result_text.repair_notes(repaired)),
             **_inside(drawn),
         )
     )
@@ -139,7 +105,7 @@ def association_page(found: Pairing, names: tuple[str, str]) -> str:
     return template.render(
         names=list(map(as_unicode, names)),
         version=__version__,
-        lines=association_text(found, rows=False).splitlines(),
+        lines=result_text.association_text(found, rows=False).splitlines(),
         parts=[{"name": name} for name in drawn.document["parts"]],
         each={"tgospa": number(drawn.document["curve"]["total"][-1]) if drawn.steps else ""},
         distance=found.distance.name,
@@ -166,19 +132,21 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "names": list(map(as_unicode, names)),
         "result": result,
         "number": number,
-        "meaning": meaning(result),
+        "meaning": result_text.meaning(result),
         "nees": "" if result.nees is None else result.nees.in_words,
-        "score": "" if result.calibration is None else similarity_in_words(result),
+        "score": "" if result.calibration is None else result_text.similarity_in_words(result),
         "parts": _parts(result),
         "each": {name: result.quantity(value) for name, value in result.normalised.items()},
-        "classes": class_table(result),
-        "others": other_table(result.with_),
-        "similarity": list(similarity(result.with_)),
-        "shown_slices": shown_slices,
+        "classes": result_text.class_table(result),
+        "others": result_text.other_table(result.with_),
+        "similarity": list(result_text.similarity(result.with_)),
+        "shown_slices": result_text.shown_slices,
         "percent": percent,
-        "share": share,
-        "about_slices": list(about_slices(result.sliced, certified=result.certified)),
-        "summary": Table(head=("", ""), rows=[*summary_of(result)], align="ll"),
+        "share": result_text.share,
+        "about_slices": list(result_text.about_slices(result.sliced, certified=result.certified)),
+        "summary": rendering.Table(
+            head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
+        ),
         "seconds": {
             k: v for k, v in _flat(result.timings, digits=3).items() if not k.startswith("nano")
         },
@@ -237,11 +205,15 @@ def page_colours() -> str:
 
 def _parts(result: Evaluation) -> list[dict[str, str]]:
     keys = ("name", "cost", "share", "count", "note")
-    rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
+    rows = [
+        dict(zip(keys, row, strict=True)) | {"split": ""} for row in result_text.part_rows(result)
+    ]
     rows[0]["note"] = DISTANCE
     if result.split is not None:  # where the distance separates them
         parts = result.split.items()
-        rows[0]["split"] = ", ".join(f"{SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts)
+        rows[0]["split"] = ", ".join(
+            f"{result_text.SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts
+        )
     return rows
 
 
@@ -262,7 +234,7 @@ def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> di
 
 def card(result: Evaluation) -> str:
     """What a notebook shows: a headline and the four parts."""
-    rows = [row[:4] for row in part_rows(result)]
+    rows = [row[:4] for row in result_text.part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
         *result.told,
@@ -274,7 +246,7 @@ def card(result: Evaluation) -> str:
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
-def document_page(document: Document, kind: str, drawn: Any, *, draws: bool) -> str:
+def document_page(document: rendering.Document, kind: str, drawn: Any, *, draws: bool) -> str:
     """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
     made = pictures(kind, drawn, Pictures(formats=("svg",))) if draws else {}
     html = (
@@ -310,7 +282,7 @@ ALL_PAIRS = 5
 """Most that are compared each with each; of more every one is with the next."""
 
 
-def batch_page(tables: BatchTables, *, draws: bool) -> str:
+def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """The whole page, with curves if it draws any."""
     curves = pictures("page of a batch", tables, Pictures(formats=("svg",))) if draws else {}
     rows, groups = tables.rows, tables.shown_groups
@@ -318,7 +290,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
     ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
     sentence = ""
     if ranking is not None:
-        sentence = order_in_words(ranking.value, ranking.entries, ranking.comparisons)
+        sentence = rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
@@ -339,10 +311,10 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
             parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
             groups=groups[:MOST_GROUPS],
             common=any(found.jobs < found.all_jobs for found in tables.rankings),
-            others=list(other_tables(tables)),
-            about_others=list(about_others(tables)),
-            slices=list(slice_tables(tables)),
-            about_slices=list(about_slices_of(tables)),
+            others=list(batch.other_tables(tables)),
+            about_others=list(batch.about_others(tables)),
+            slices=list(batch.slice_tables(tables)),
+            about_slices=list(batch.about_slices_of(tables)),
             heat=tables.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
@@ -350,16 +322,16 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
             curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
             least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
             runs=counted(max(runs, default=0), "run"),
-            bands=[BANDS[curve.band] for curve in tables.curves[:1]],
+            bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
             curve_groups=len({curve.name for curve in tables.curves}),
             costliest=list(_costliest(tables, valued)),
             faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
             value=tables.value,
-            orders=ORDERS,
+            orders=rendering.ORDERS,
             number=number,
-            of_expected=of_expected,
-            share=share,
+            of_expected=batch.of_expected,
+            share=result_text.share,
             per_step=_per_step,
             settings=_settings(tables),
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
@@ -385,7 +357,7 @@ def _shades() -> str:
     )
 
 
-def _source(tables: BatchTables) -> tuple[str, str]:
+def _source(tables: batch.BatchTables) -> tuple[str, str]:
     """What was evaluated, and against what, as it was named."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
@@ -394,30 +366,30 @@ def _source(tables: BatchTables) -> tuple[str, str]:
     return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
 
 
-def _title(tables: BatchTables, ranking: Ranking | None) -> str:
+def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best['name']}: {ranking.value} {tables.between(bracket(best, 'per_step'))}"
+        return f"{best['name']}: {ranking.value} {tables.between(batch.bracket(best, 'per_step'))}"
     if len(tables.shown_groups) == 1:
         return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 
-def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
+def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
-        name, per_step = entry["name"], bracket(entry, "per_step")
+        name, per_step = entry["name"], batch.bracket(entry, "per_step")
         ends = entry["per_step_confidence"]
         sure = Interval(lower=ends[0], upper=ends[1]) if ends else None
         words = {
             "name": name,
             "track": tables.compared[name],
             "place": ranking.place(entry),
-            "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "statistical": rendering.place_in_words(*(entry["statistical_place"] or (0, 0))),
             "per_step": tables.between(per_step),
             "sure": tables.between(sure, 4) if sure else "",
         }
@@ -431,7 +403,7 @@ def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
 
     return {
         "about": ranking,
-        "parameters": parameters_in_words(ranking.parameters),
+        "parameters": batch.parameters_in_words(ranking.parameters),
         "entries": [
             words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
             for words, value, sure in entries
@@ -448,7 +420,7 @@ def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
-def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
+def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
     """All pairs of few, else those of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
@@ -458,7 +430,7 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
 
 
 def _costliest(
-    tables: BatchTables, valued: "pd.DataFrame"
+    tables: batch.BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
@@ -471,7 +443,7 @@ def _costliest(
         return
     sets = valued.loc[order].groupby(names, dropna=False)
     for _, jobs in itertools.islice(sets, COSTLIEST):
-        about = parameters_in_words({name: jobs[name].iloc[0] for name in names})
+        about = batch.parameters_in_words({name: jobs[name].iloc[0] for name in names})
         yield about, _rows(jobs.head(max(1, COSTLIEST // sets.ngroups)))
 
 
@@ -488,7 +460,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
     )
 
 
-def _settings(tables: BatchTables) -> dict[str, str]:
+def _settings(tables: batch.BatchTables) -> dict[str, str]:
     """What was evaluated, and how, in lines."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}

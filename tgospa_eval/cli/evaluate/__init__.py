@@ -5,16 +5,7 @@ from collections.abc import Iterator
 import click
 
 from tgospa_eval.api.options import DEFAULTS, FITTING, Request
-from tgospa_eval.cli.shared.click_builder import (
-    EVALUATION,
-    IN_PARTS_OPTIONS,
-    OF_PICTURES,
-    OPTIONS,
-    OUTPUT,
-    SLICE,
-    WITH,
-    OutputOptions,
-)
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
 from tgospa_eval.errors import ExitStatus
 
@@ -46,11 +37,11 @@ class Files(Verb):
     cls=Files,
     params=[
         # Options of an evaluation are fields of `Request` in api/options.py.
-        *EVALUATION,
-        *IN_PARTS_OPTIONS,
-        *OUTPUT,
-        WITH,
-        SLICE,
+        *click_builder.EVALUATION,
+        *click_builder.IN_PARTS_OPTIONS,
+        *click_builder.OUTPUT,
+        click_builder.WITH,
+        click_builder.SLICE,
         Option(
             "--sweep NAME=VALUES",
             "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
@@ -71,7 +62,7 @@ class Files(Verb):
             section="Output",
         ),
         *(
-            OPTIONS[key]
+            click_builder.OPTIONS[key]
             for key in ("curve", "window", "every", "similarity", "tracked-shares", "explain")
         ),
     ],
@@ -101,7 +92,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    chosen, output = Request.of(options), OutputOptions.of(options)
+    chosen, output = Request.of(options), click_builder.OutputOptions.of(options)
     given = typed_options(ctx)
     _check(chosen, output, given, sweep=bool(sweep))
     from tgospa_eval.api.in_parts import check_parts, parts_in_words
@@ -136,7 +127,9 @@ def command(
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
 
-def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bool) -> None:
+def _check(
+    chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
+) -> None:
     """Whether options go together.
 
     Raises
@@ -144,7 +137,7 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
     UsageError
         They do not.
     """
-    for name in OF_PICTURES if output.output is None else ():
+    for name in click_builder.OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     for name in ("proof", "geojson"):
