@@ -262,8 +262,8 @@ def _ranking_notes(document: Json) -> Iterator[str]:
         title = study_table.value_name(document["parameters"]["order"], document["runs"])
         if estimates[0]["confidence"]:
             yield (
-                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: by "
-                "Student's t and the jackknife; p of the difference to the best: by a two-sided "
+                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: "
+                "by Student's t and the jackknife; p of the difference to the best: by a two-sided "
                 "permutation test, adjusted for all pairs (Holm), significant below 0.05"
             )
         yield "; ".join(

@@ -77,16 +77,12 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
         What truth and estimate are called, as the paths of their files.
     """
     drawn, repaired = plot_data(result), explanation_of(result)
-    return (
-        environment()
-        .get_template("page.html.j2")
-        .render(
-            **_values(result, names),
-            partitioned=isinstance(result, PartitionedResult),
-            repairs=[] if repaired is None else result_text.repair_table(result, repaired).rows,
-            repair_notes=[] if repaired is None else list(result_text.repair_notes(repaired)),
-            **_inside(drawn),
-        )
+    return template("page.html.j2").render(
+        **_values(result, names),
+        partitioned=isinstance(result, PartitionedResult),
+        repairs=[] if repaired is None else result_text.repair_table(result, repaired).rows,
+        repair_notes=[] if repaired is None else list(result_text.repair_notes(repaired)),
+        **_inside(drawn),
     )
 
 
@@ -101,8 +97,7 @@ def association_page(found: Pairing, names: tuple[str, str]) -> str:
         What the sides are called, as the paths of their files.
     """
     drawn = plot_data(found)
-    template = environment().get_template("association.html.j2")
-    return template.render(
+    return template("association.html.j2").render(
         names=list(map(as_unicode, names)),
         version=__version__,
         lines=result_text.association_text(found, rows=False).splitlines(),
@@ -119,7 +114,6 @@ def _inside(drawn: PlotData) -> dict[str, object]:
     return {
         "data": drawn.document,
         "word": drawn.word,
-        "tracks": len(TRACK_COLOURS),
         "arrays": packed(drawn.arrays),
         "style": page_colours() + inlined("page.css"),
         "script": "".join(inlined(f"{name}.js") for name in SCRIPTS),
@@ -131,7 +125,6 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
-        "number": number,
         "meaning": result_text.meaning(result),
         "nees": "" if result.nees is None else result.nees.in_words,
         "score": "" if result.calibration is None else result_text.similarity_in_words(result),
@@ -140,9 +133,6 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "classes": result_text.class_table(result),
         "others": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
-        "shown_slices": result_text.shown_slices,
-        "percent": percent,
-        "share": result_text.share,
         "about_slices": list(result_text.about_slices(result.sliced, certified=result.certified)),
         "summary": rendering.Table(
             head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
@@ -156,16 +146,43 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
     }
 
 
+USED_BY_TEMPLATES = {
+    "number": number,
+    "percent": percent,
+    "share": result_text.share,
+    "orders": rendering.ORDERS,
+    "shown_slices": result_text.shown_slices,
+    "of_expected": batch.of_expected,
+    "tracks": len(TRACK_COLOURS),
+    "levels": HEAT_LEVELS,
+    "all_parts": PARTS,
+}
+
+
 @cache
-def environment() -> jinja2.Environment:
-    """What makes pages of the templates: all text that is put into them is escaped."""
-    return jinja2.Environment(
+def template(name: str) -> jinja2.Template:
+    """What makes a page: all text that is put into it is escaped."""
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals |= USED_BY_TEMPLATES
+    return environment.get_template(name)
+
+
+def still_page(name: str, more_style: str = "", **values: object) -> str:
+    """A page without a script, from its template; `more_style` goes with the style of all pages."""
+    style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
+    return as_unicode(template(name).render(style=style, **values))
+
+
+def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
+    """Pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws any."""
+    made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
+    return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
 
 def inlined(name: str) -> str:
@@ -242,27 +259,14 @@ def card(result: Evaluation) -> str:
         result.parameters_in_words(result.labels.unit),
         *filter(None, [result.not_judged]),
     ]
-    template = environment().get_template("card.html.j2")
-    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
+    return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
 def document_page(document: rendering.Document, kind: str, drawn: Any, *, draws: bool) -> str:
     """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
-    made = pictures(kind, drawn, Pictures(formats=("svg",))) if draws else {}
-    html = (
-        environment()
-        .get_template("document.html.j2")
-        .render(
-            document=document,
-            version=__version__,
-            images={
-                name.removesuffix(".svg").replace("_", " "): base64.b64encode(image).decode()
-                for name, image in made.items()
-            },
-            style=page_colours() + inlined("page.css") + inlined("batch.css"),
-        )
-    )
-    return as_unicode(html)
+    shown = images(kind, drawn, draws=draws).items()
+    named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
+    return still_page("document.html.j2", document=document, version=__version__, images=named)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -284,60 +288,42 @@ ALL_PAIRS = 5
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """The whole page, with curves if it draws any."""
-    curves = pictures("page of a batch", tables, Pictures(formats=("svg",))) if draws else {}
-    rows, groups = tables.rows, tables.shown_groups
+    rows, ranked = tables.rows, tables.rankings
     # Of several sets of parameters none is that of the batch.
-    ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
-    sentence = ""
-    if ranking is not None:
-        sentence = rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons)
+    ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
-    html = (
-        environment()
-        .get_template("batch.html.j2")
-        .render(
-            tables=tables,
-            source=_source(tables),
-            title=_title(tables, ranking),
-            sentence=sentence,
-            version=tables.settings["version"],
-            jobs=len(rows),
-            failed=len(failed),
-            unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
-            rankings=[_ranking(tables, ranking) for ranking in tables.rankings],
-            notes=tables.notes,
-            parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
-            groups=groups[:MOST_GROUPS],
-            common=any(found.jobs < found.all_jobs for found in tables.rankings),
-            others=list(batch.other_tables(tables)),
-            about_others=list(batch.about_others(tables)),
-            slices=list(batch.slice_tables(tables)),
-            about_slices=list(batch.about_slices_of(tables)),
-            heat=tables.heat,
-            levels=HEAT_LEVELS,
-            tracks=len(TRACK_COLOURS),
-            images=[base64.b64encode(image).decode() for image in curves.values()],
-            curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
-            least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
-            runs=counted(max(runs, default=0), "run"),
-            bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
-            curve_groups=len({curve.name for curve in tables.curves}),
-            costliest=list(_costliest(tables, valued)),
-            faults=_rows(failed.head(MOST_FAULTS)),
-            parts=PARTS,
-            value=tables.value,
-            orders=rendering.ORDERS,
-            number=number,
-            of_expected=batch.of_expected,
-            share=result_text.share,
-            per_step=_per_step,
-            settings=_settings(tables),
-            style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
-        )
+    return still_page(
+        "batch.html.j2",
+        _shades(),
+        tables=tables,
+        source=_source(tables),
+        title=_title(tables, ranking),
+        sentence=""
+        if ranking is None
+        else rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
+        failed=len(failed),
+        unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
+        rankings=[_ranking(tables, ranking) for ranking in ranked],
+        parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
+        groups=tables.shown_groups[:MOST_GROUPS],
+        common=any(found.jobs < found.all_jobs for found in ranked),
+        others=list(batch.other_tables(tables)),
+        about_others=list(batch.about_others(tables)),
+        slices=list(batch.slice_tables(tables)),
+        about_slices=list(batch.about_slices_of(tables)),
+        images=list(images("page of a batch", tables, draws=draws).values()),
+        curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
+        least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+        runs=counted(max(runs, default=0), "run"),
+        bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
+        curve_groups=len({curve.name for curve in tables.curves}),
+        costliest=list(_costliest(tables, valued)),
+        faults=_rows(failed.head(MOST_FAULTS)),
+        per_step=_per_step,
+        settings=_settings(tables),
     )
-    return as_unicode(html)
 
 
 def _shades() -> str:

@@ -1,6 +1,5 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
-import base64
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +27,7 @@ from tgospa_eval.show.rendering import (
     workflow_property,
     xml,
 )
-from tgospa_eval.text import as_unicode, clipped, ending, listed, option, visible
+from tgospa_eval.text import clipped, ending, listed, option, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -577,11 +576,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 def page(report: Report, seed: str) -> str:
     """The page of all pairs: words and numbers from a template, without a script."""
-    from tgospa_eval.show.html import (  # lazy: for folders only
-        environment,
-        inlined,
-        page_colours,
-    )
+    from tgospa_eval.show.html import images, still_page  # lazy: for folders only
 
     rows = [
         {
@@ -595,24 +590,20 @@ def page(report: Report, seed: str) -> str:
         for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first)
     ]
     seeds, grid = _grid(report, seed)
-    html = (
-        environment()
-        .get_template("gate.html.j2")
-        .render(
-            report=report,
-            headline=headline(report),
-            accept_title=accept_title(report),
-            beside=report.told(),
-            failing=[row for row in rows if not row["passes"]],
-            passing=[row for row in rows if row["passes"]],
-            notes=list(notes_of(report.outcomes)),
-            chart=_chart(report, seed),
-            seeds=seeds,
-            grid=grid,
-            style=page_colours() + inlined("page.css") + inlined("batch.css"),
-        )
+    totals = _totals(report, seed)
+    return still_page(
+        "gate.html.j2",
+        report=report,
+        headline=headline(report),
+        accept_title=accept_title(report),
+        beside=report.told(),
+        failing=[row for row in rows if not row["passes"]],
+        passing=[row for row in rows if row["passes"]],
+        notes=list(notes_of(report.outcomes)),
+        chart="".join(images("page of a gate", totals, draws=bool(totals)).values()),
+        seeds=seeds,
+        grid=grid,
     )
-    return as_unicode(html)
 
 
 def _link(outcome: PairOutcome) -> str:
@@ -635,10 +626,8 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
     ]
 
 
-def _chart(report: Report, seed: str) -> str:
-    """The totals of runs beside those of the baseline, as the address of an image; or blank."""
-    from tgospa_eval.show.charts import Pictures, pictures  # lazy: for folders only
-
+def _totals(report: Report, seed: str) -> dict[str, tuple[list[float], list[float]]]:
+    """The totals of runs of the baseline, and those of now, by scene."""
     found: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:
         if one.values and one.base and seed in one.labels:
@@ -646,8 +635,7 @@ def _chart(report: Report, seed: str) -> str:
             old, now = found.setdefault(scene or "all runs", ([], []))
             old.append(one.base)
             now.append(one.values["total"].upper)
-    made = pictures("page of a gate", found, Pictures(formats=("svg",))) if found else {}
-    return "".join(base64.b64encode(image).decode() for image in made.values())
+    return found
 
 
 def _grid_cell(one: PairOutcome | None) -> Json:
