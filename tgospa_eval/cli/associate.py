@@ -10,9 +10,8 @@ import click
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import NAMES, OPTION_SPECS, Request
 from tgospa_eval.cli.shared import click_builder
-from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import ResolvedRequest
@@ -30,13 +29,6 @@ SENSOR_OPTIONS = [
 ]
 """What it has of the options of everything that evaluates."""
 
-_files = partial(
-    option,
-    section="Files",
-    trusted=True,
-    type=click_builder.one_of(FORMATS),
-    show_default="found from name and content",
-)
 _output = partial(Option, section="Output")
 
 
@@ -53,32 +45,10 @@ _output = partial(Option, section="Output")
         ),
         *click_builder.chosen_options(
             SENSOR_OPTIONS,
-            _files(
-                "--a-format FORMAT",
-                OPTION_SPECS["truth_format"].help.replace("TRUTH", "A"),
-                name="truth_format",
-            ),
-            _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
             *(
-                option(
-                    f"--{letter}-columns NAMES",
-                    f"--columns for {letter.upper()} alone.",
-                    name=name,
-                    section="Files",
-                    trusted=True,
-                )
-                for letter, name in (("a", "truth_columns"), ("b", "estimate_columns"))
-            ),
-            *(
-                option(
-                    f"--{letter}-where TEST",
-                    f"--where for {letter.upper()} alone.",
-                    name=name,
-                    section="Filters",
-                    trusted=True,
-                    multiple=True,
-                )
-                for letter, name in (("a", "truth_where"), ("b", "estimate_where"))
+                click_builder.side_option(f"{role}_{what}", side)
+                for what in ("format", "columns", "where")
+                for role, side in (("truth", "a"), ("estimate", "b"))
             ),
             click_builder.format_option("table", "json", "csv"),
             _output(

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import OPTION_SPECS, Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
 from tgospa_eval.cli.shared import click_builder
-from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
-from tgospa_eval.formats import FORMATS
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Resources
@@ -31,15 +30,7 @@ if TYPE_CHECKING:
         *click_builder.chosen_options(
             ("columns", "decimal", "max-input", "time", "class", "region", "where", "jobs"),
             *click_builder.REDUCTION,
-            option(
-                "--in-format FORMAT",
-                OPTION_SPECS["truth_format"].help.replace("TRUTH", "IN"),
-                name="truth_format",
-                section="Files",
-                trusted=True,
-                type=click_builder.one_of(FORMATS),
-                show_default="found from name and content",
-            ),
+            click_builder.side_option("truth_format", "in"),
             Option("--force", "Write over OUT if it exists.", section="Output"),
             click_builder.format_option("table", "json", "csv"),
         ),

@@ -571,15 +571,9 @@ def heat_of(
         place = item["_row"], item["_column"]
         has = item["jobs"] > item["failed"]
         bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
-        cells[place] = {
-            "value": bounds,
-            "text": "failed" if bounds is None else study_table.fixed(bounds, most),
-            "jobs": item["jobs"],
-            "failed": item["failed"],
-            "level": item["level"],
-            "link": links.get(place, ""),
-            "best": False,
-        }
+        text = "failed" if bounds is None else study_table.fixed(bounds, most)
+        cells[place] = {"value": bounds, "text": text, "link": links.get(place, ""), "best": False}
+        cells[place] |= {name: item[name] for name in ("jobs", "failed", "level")}
     names = [name for name in names if name in kept]
     table = [[cells.get((name, column)) for column in shown] for name in names]
     for row in table if len(shown) > 1 else ():

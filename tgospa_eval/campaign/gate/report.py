@@ -237,18 +237,17 @@ def json_report(report: Report) -> str:
     return json_text(document)
 
 
+OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
+"""What the JSON has of a pair as it is."""
+
+
 def _pair(outcome: PairOutcome) -> Json:
     return {
-        "name": outcome.name,
-        "truth": outcome.truth,
-        "estimate": outcome.estimate,
-        "verdict": outcome.verdict,
-        "status": outcome.status,
+        **{name: getattr(outcome, name) for name in OF_THE_OUTCOME},
         "notes": list(outcome.notes),
         "warnings": [notice.record() for notice in outcome.warnings],
         "rules": [finding_record(finding) for finding in outcome.findings],
         "changes": {path: {"old": old, "new": new} for path, (old, new) in outcome.changes.items()},
-        "seconds": outcome.seconds,
     }
 
 
@@ -270,15 +269,8 @@ def finding_record(finding: Finding) -> Json:
 
 
 def _inference(inference: Inference) -> Json:
-    return {
-        "p_value": inference.p_value,
-        "confidence": inference.confidence,
-        "runs": inference.runs,
-        "needed": inference.needed,
-        "paired": inference.paired,
-        "jump": inference.jump,
-        "noticeable": _finite(inference.noticeable),
-    }
+    found = vars(inference) | {"noticeable": _finite(inference.noticeable)}
+    return {name: value for name, value in found.items() if name != "better"}
 
 
 def _finite(value: float) -> float | None:

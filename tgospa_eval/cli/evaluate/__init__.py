@@ -147,26 +147,25 @@ def _check(
             )
     for option in _without_proof(chosen) if "proof" in typed else ():
         raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
-    if sweep and output.format_ == "methods":
-        raise click.UsageError("--format methods is for one evaluation, not for --sweep")
-    if chosen.slices and sweep:
-        raise click.UsageError("--slice is for one evaluation, not for --sweep")
-    if chosen.with_ is not None and sweep:
-        raise click.UsageError("--with is for one evaluation, not for --sweep")
-    if chosen.similarity is not None and sweep:
-        raise click.UsageError("--similarity is of the mean over steps, not for --sweep")
-    if chosen.tracked_shares != DEFAULTS["tracked_shares"] and sweep:
-        raise click.UsageError("--tracked-shares is for one evaluation, not for --sweep")
-    if chosen.explain and (sweep or chosen.by or chosen.preprocess):
-        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
-
-
-def _not_explained(*, by_class: bool, sweep: bool) -> str:
-    if sweep:
-        return "--explain is for one evaluation, not for --sweep"
-    if by_class:
-        return "--explain takes all rows together, not --by class; choose one class by --class NAME"
-    return "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+    shares = chosen.tracked_shares != DEFAULTS["tracked_shares"]
+    of_one = {
+        "--format methods is for one evaluation": output.format_ == "methods",
+        "--slice is for one evaluation": chosen.slices,
+        "--with is for one evaluation": chosen.with_ is not None,
+        "--similarity is of the mean over steps": chosen.similarity is not None,
+        "--tracked-shares is for one evaluation": shares,
+        "--explain is for one evaluation": chosen.explain,
+    }
+    for text in (text for text, is_given in of_one.items() if sweep and is_given):
+        raise click.UsageError(f"{text}, not for --sweep")
+    if chosen.explain and chosen.by:
+        raise click.UsageError(
+            "--explain takes all rows together, not --by class; choose one class by --class NAME"
+        )
+    if chosen.explain and chosen.preprocess:
+        raise click.UsageError(
+            "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+        )
 
 
 def _without_proof(chosen: Request) -> Iterator[str]:
