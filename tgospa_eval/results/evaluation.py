@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,11 +43,12 @@ DOCUMENTED = (
 """What the JSON has as it stands."""
 
 
-def _frame(name: str, about: str) -> "cached_property[pd.DataFrame]":
+def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
     """An attribute that is a table as a DataFrame, made when it is read."""
 
-    def made(result: "Evaluation") -> "pd.DataFrame":
-        return result.frame(name)
+    def made(result: Any) -> "pd.DataFrame":
+        found: pd.DataFrame = result.frame(name)
+        return found
 
     made.__doc__ = about
     return cached_property(made)
@@ -594,13 +595,13 @@ class Evaluation(ABC):
             return f"TGOSPA = {value}"
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
-    per_step = _frame("per_step", "Cost of each step by kind.")
-    curve = _frame("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
-    windows = _frame("windows", "Sliding windows, if they were asked for.")
-    switches = _frame("switches", "Changes of each truth's assignment.")
-    assignments = _frame("assignments", "Pairs that both exist, are near, and are assigned.")
-    per_truth = _frame("per_truth", "Steps, costs and counts of each truth.")
-    per_estimate = _frame("per_estimate", "Steps, costs and counts of each estimate.")
+    per_step = frame_of("per_step", "Cost of each step by kind.")
+    curve = frame_of("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
+    windows = frame_of("windows", "Sliding windows, if they were asked for.")
+    switches = frame_of("switches", "Changes of each truth's assignment.")
+    assignments = frame_of("assignments", "Pairs that both exist, are near, and are assigned.")
+    per_truth = frame_of("per_truth", "Steps, costs and counts of each truth.")
+    per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 
     def frame(self, name: str) -> "pd.DataFrame":
         """A table as a DataFrame."""
