@@ -120,11 +120,6 @@ SUMS = (
     "judged.steps",
 )  # fmt: skip
 
-OF_INTERVALS = tuple(
-    f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")
-)
-"""Columns of the intervals of groups."""
-
 ENDS = ("", "_lower", "_upper")
 """Of the names of a value and its bounds."""
 
@@ -195,7 +190,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         for end in ENDS:
             values = having["total" + end] ** (1 / having["order"])
             table["mean_of_roots" + end] = values.groupby(own).mean()
-    taken = {*table, *OF_INTERVALS, *parameters}
+    taken = {*table, *statistics.OF_INTERVALS, *parameters}
     shown = zip(by, shown_labels(by, taken), strict=True)
     heads = heads.rename(columns={LABEL + name: head for name, head in shown})
     items: list[Ranking | str] = []

@@ -511,7 +511,7 @@ class Evaluation(ABC):
             **{name: float(getattr(self, name)) for name in names},
             **scored,
             **({} if self.nees is None else self.nees.numbers()),
-            **_dotted(groups),
+            **dotted(groups),
             **self.other_numbers,
             **dict(flat(self.summarised.numbers)),
         }
@@ -519,7 +519,7 @@ class Evaluation(ABC):
     @property
     def other_numbers(self) -> dict[str, float]:
         """Those of them that are of other metrics."""
-        return _dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
+        return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
         self, false_targets: float | None = None, score: float = records.USUAL_SCORE
@@ -610,7 +610,7 @@ class Evaluation(ABC):
         return pd.DataFrame(self.table(name))
 
 
-def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Numbers of several groups in one dict, with a dot between the names."""
     return {
         f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()

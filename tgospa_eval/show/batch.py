@@ -20,6 +20,7 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
+from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
@@ -742,11 +743,7 @@ def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     caption = study_table.study_caption(title, _parameters(tables))
     yield study_table.study_table(rows, heads, rivals, title, tables.columns, caption)
     yield study_table.costs_table(rows, heads, rivals, caption)
-    own = [
-        (ranking, entry, p_value)
-        for ranking in tables.rankings
-        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
-    ]
+    own = list(_ranked(tables))
     if own and not places:
         yield study_table.study_table(
             [
@@ -777,29 +774,33 @@ def _group_key(tables: BatchTables, row: Mapping[Hashable, Any]) -> GroupKey:
     return tuple(row[name] for name in tables.heads)
 
 
-def _places(tables: BatchTables) -> dict[GroupKey, tuple[Ranking, Json, float | None]]:
+Ranked = tuple[Ranking, Json, float | None]
+"""A ranking, one of its entries, and the p value of that."""
+
+
+def _ranked(tables: BatchTables) -> Iterator[Ranked]:
+    """The entries of all rankings, best first."""
+    for ranking in tables.rankings:
+        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True):
+            yield ranking, entry, p_value
+
+
+def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
     """Of each group that is ranked on all its jobs the ranking, best first, entry, and p value."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
-    return {
-        (entry["name"], *ranking.parameters.values()): (ranking, entry, p_value)
-        for ranking in tables.rankings
-        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
-    }
+    return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
 
 
 def _study_row(
     tables: BatchTables,
     row: Mapping[Hashable, Any],
-    places: Mapping[GroupKey, tuple[Ranking, Json, float | None]],
+    places: Mapping[GroupKey, Ranked],
 ) -> study_table.StudyRow:
     jobs = max(int(row["jobs"]), 1)
     order = float(row["order"]) if "order" in row else tables.order or 1.0
     ranking, entry, p_value = places.get(_group_key(tables, row), (None, {}, None))
-    ends = (
-        float(row["per_step_confidence_lower"]),
-        float(row["per_step_confidence_upper"]),
-    )
+    sure = interval(row, "per_step_confidence")
     metrics = next(result_text.other_records([row]))
     return study_table.StudyRow(
         names=tables.named(row),
@@ -808,16 +809,12 @@ def _study_row(
         order=order,
         total=interval(row, "total").scaled(1 / jobs),
         costs={part: float(row[part]) / jobs for part in PARTS},
-        confidence=ends if ends[0] == ends[0] else None,
+        confidence=(sure.lower, sure.upper) if sure.lower == sure.lower else None,
         place=ranking.place(entry) if ranking else "",
         p=p_value,
         mean_of_roots=row.get("mean_of_roots"),
         numbers={
-            **{
-                f"{key}.{name}": value
-                for key, own in metrics.items()
-                for name, value in own.items()
-            },
+            **dotted(metrics),
             **{str(k): v for k, v in row.items() if str(k).startswith(f"{SUMMARY}.") and v == v},
             **({"gospa.total": metrics["gospa"]["total"] / jobs} if "gospa" in metrics else {}),
         },
