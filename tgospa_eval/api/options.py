@@ -92,7 +92,6 @@ class Request(Values):
         "--step-weights FILE",
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
-        kind="path",
         parts=FITTING,
     )
     existence: str = _track_metric(
@@ -117,7 +116,6 @@ class Request(Values):
         "--covariance FILE",
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
-        kind="path",
         whose="mahalanobis",
     )
     vertical_weight: float | None = _metric(
@@ -395,7 +393,6 @@ class Request(Values):
         "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
-        kind="path",
     )
     max_speed: float | None = _track_filters(
         "--max-speed V",
@@ -446,7 +443,6 @@ class Request(Values):
         "--fix-cov",
         "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
         "matrix is an error.",
-        default=False,
     )
     missing_cov: str = _gaussians(
         "--missing-cov NAME",
@@ -532,7 +528,6 @@ class Request(Values):
         "--no-gating",
         "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
         "the bounds.",
-        default=False,
         trusted=False,
     )
     memory: int | None = _files(
@@ -571,7 +566,6 @@ class Request(Values):
     curve: bool = _beside(
         "--curve",
         "Evaluate the steps up to each step as well: the normalised metric over time.",
-        default=False,
         parts=FITTING,
     )
     window: str | None = _beside(
@@ -600,7 +594,6 @@ class Request(Values):
         "--explain",
         "Show the ten repairs of the estimate that are proven to save most, as the verb explain "
         "does; with -o also as files, and in report.html.",
-        default=False,
         parts=FITTING,
     )
 
@@ -722,20 +715,14 @@ class BatchOptions(Values):
     seqmap: str | None = _batch(
         "--seqmap FILE",
         "Only the sequences in this file, of a --layout; of kitti with their frames.",
-        kind="path",
     )
     output: str = _batch(
         "-o, --output DIR",
         "The store: a folder that the same command goes on with. Of batch report: where to write "
         "its files.",
-        kind="path",
     )
-    allow_missing: bool = _batch(
-        "--allow-missing", "Go on where truths or estimates are missing.", default=False
-    )
-    retry_failed: bool = _batch(
-        "--retry-failed", "Try jobs again that failed before.", default=False
-    )
+    allow_missing: bool = _batch("--allow-missing", "Go on where truths or estimates are missing.")
+    retry_failed: bool = _batch("--retry-failed", "Try jobs again that failed before.")
     shard: str | None = _batch(
         "--shard K/N",
         "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
@@ -746,17 +733,14 @@ class BatchOptions(Values):
     scheduler: str | None = _batch(
         "--scheduler ADDRESS", "Use the workers of a Dask cluster that is there: tcp://host:8786."
     )
-    reports: bool = _batch(
-        "--reports", "Write the result folder of each job, DIR/reports/LABELS.", default=False
-    )
-    proof: bool = _batch("--proof", "With --reports: with the proof of each value.", default=False)
+    reports: bool = _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS.")
+    proof: bool = _batch("--proof", "With --reports: with the proof of each value.")
     per_step: bool = _batch(
-        "--per-step", "Store the costs of each step as well, for curves over time.", default=False
+        "--per-step", "Store the costs of each step as well, for curves over time."
     )
     curve: bool = _batch(
         "--curve",
         "With --per-step: also evaluate the steps up to each step, as evaluate --curve does.",
-        default=False,
     )
     by: tuple[str, ...] = _batch(
         "--by LABELS",
@@ -768,7 +752,6 @@ class BatchOptions(Values):
     mean_of_roots: bool = _batch(
         "--mean-of-roots",
         "Also show the plain means of the values, which are no sums.",
-        default=False,
     )
     band: "BandKind | None" = _batch(
         "--band KIND",
