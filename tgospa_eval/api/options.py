@@ -53,6 +53,15 @@ _output = partial(setting, "Output")
 _beside = partial(_output, number=False, everywhere=False, stored=False)
 
 
+def _one_side(
+    declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
+) -> Any:
+    """An option of one side, as that of both, or of the estimate as that of the truth."""
+    side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
+    text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
+    return declare(declaration, text, **about)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
     """What is asked of an evaluation; None where nothing was given.
@@ -145,14 +154,8 @@ class Request(Values):
         "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
         shown="x[,y[,z]], else lat,lon, else the centres of boxes",
     )
-    truth_columns: str | None = _files(
-        "--truth-columns NAMES",
-        "--columns for TRUTH alone.",
-    )
-    estimate_columns: str | None = _files(
-        "--estimate-columns NAMES",
-        "--columns for ESTIMATE alone.",
-    )
+    truth_columns: str | None = _one_side(_files, "--truth-columns NAMES")
+    estimate_columns: str | None = _one_side(_files, "--estimate-columns NAMES")
     truth_format: str | None = _files(
         "--truth-format FORMAT",
         "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
@@ -270,10 +273,8 @@ class Request(Values):
         shown="lat,lon where the other file has one",
         parts=FITTING,
     )
-    estimate_crs: str | None = _files(
-        "--estimate-crs SYSTEM",
-        "--truth-crs for ESTIMATE.",
-        parts=FITTING,
+    estimate_crs: str | None = _one_side(
+        _files, "--estimate-crs SYSTEM", like_truth=True, parts=FITTING
     )
     origin: str | None = _files(
         "--origin LAT,LON[,ALT]",
@@ -297,20 +298,16 @@ class Request(Values):
         shown="numbers or ISO times",
         parts=FITTING,
     )
-    estimate_time_format: str | None = _files(
-        "--estimate-time-format FORMAT",
-        "--truth-time-format for ESTIMATE.",
-        parts=FITTING,
+    estimate_time_format: str | None = _one_side(
+        _files, "--estimate-time-format FORMAT", like_truth=True, parts=FITTING
     )
     truth_time_zone: str | None = _files(
         "--truth-time-zone ZONE",
         "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
         parts=FITTING,
     )
-    estimate_time_zone: str | None = _files(
-        "--estimate-time-zone ZONE",
-        "--truth-time-zone for ESTIMATE.",
-        parts=FITTING,
+    estimate_time_zone: str | None = _one_side(
+        _files, "--estimate-time-zone ZONE", like_truth=True, parts=FITTING
     )
     day_begins: float | None = _files(
         "--day-begins T",
@@ -329,14 +326,8 @@ class Request(Values):
         "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
         "where that is unambiguous.",
     )
-    truth_class: str | None = _filters(
-        "--truth-class A[,B]",
-        "--class for TRUTH alone.",
-    )
-    estimate_class: str | None = _filters(
-        "--estimate-class A[,B]",
-        "--class for ESTIMATE alone.",
-    )
+    truth_class: str | None = _one_side(_filters, "--truth-class A[,B]")
+    estimate_class: str | None = _one_side(_filters, "--estimate-class A[,B]")
     region: str | None = _filters(
         "--region REGION",
         "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
@@ -357,11 +348,8 @@ class Request(Values):
         default=(),
         parts=ROWS_ALONE,
     )
-    estimate_where: tuple[str, ...] = _filters(
-        "--estimate-where TEST",
-        "--where for ESTIMATE alone.",
-        default=(),
-        parts=ROWS_ALONE,
+    estimate_where: tuple[str, ...] = _one_side(
+        _filters, "--estimate-where TEST", default=(), parts=ROWS_ALONE
     )
     by: str | None = _track_filters(
         "--by class",
