@@ -93,7 +93,7 @@ def _order(document: Json) -> str:
     estimates, unit = document["estimates"], rendering.unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
-        value = _between(item["lower_bound"], item["tgospa"])
+        value = rendering.between(item["lower_bound"], item["tgospa"], ".6g")
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     value = study_table.value_name(document["parameters"]["order"], document["runs"])
@@ -161,12 +161,8 @@ def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[rendering.Ta
     yield study_table.study_table(rows, ("estimate",), rivals, title, asked, caption)
     yield from _pair_tables(document)
     yield study_table.costs_table(rows, ("costs",), rivals, caption)
-    yield from _covariances(document["estimates"])
-
-
-def _covariances(estimates: list[Json]) -> Iterator[rendering.Table]:
-    names = [(item["name"],) for item in estimates]
-    return result_text.covariances_table(("covariances",), names, estimates)
+    names = [row.names for row in rows]
+    yield from result_text.covariances_table(("covariances",), names, document["estimates"])
 
 
 def _pair_tables(document: Json) -> Iterator[rendering.Table]:
@@ -182,7 +178,7 @@ def _pair_tables(document: Json) -> Iterator[rendering.Table]:
         difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
         low, high = difference["total"]
         cells = (
-            "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+            "+0" if pair["verdict"] == "equal" else rendering.between(low, high, "+.6g"),
             rendering.ORDERS[pair["verdict"]],
             *(f"{difference[name]:+.3g}" for name in PARTS),
             f"{steps['better']}/{steps['worse']}",
@@ -254,12 +250,6 @@ def _ranking_notes(document: Json) -> Iterator[str]:
     if estimates[0]["per_step_gospa"] is not None:
         yield TIES
     yield from result_text.direction(estimates[0].get("with", {}))
-
-
-def _between(low: float, high: float, sign: str = "") -> str:
-    """One number if both are the same as they are shown, else both."""
-    texts = [f"{value:{sign}.6g}" for value in (low, high)]
-    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
 # -------------------------------------------------------------------------------------------------
