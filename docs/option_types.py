@@ -136,12 +136,16 @@ def text() -> str:
         about = "Texts that `batch` keeps." if those == {"batch"} else f"Of {listing(those)}."
         head = f'class {title}(TypedDict, total=False):\n    """{about}"""\n\n'
         classes.append(head + "".join(fields))
-    for function in FUNCTIONS:
-        bases = ", ".join(title for title, (_, those) in made.items() if function in those)
+    taken = {f: {title for title, (_, those) in made.items() if f in those} for f in FUNCTIONS}
+    ordered = sorted(FUNCTIONS, key=lambda function: len(taken[function]))
+    for k, function in enumerate(ordered):
+        # Of those before, the one with most of its keywords and no others.
+        inner = [other for other in ordered[:k] if taken[other] <= taken[function]][-1:]
+        rest = taken[function].difference(*(taken[other] for other in inner))
+        bases = ", ".join([*(title for title in made if title in rest), *map(title_of, inner)])
         head = f"class {title_of(function)}({bases}):"
         if len(head) > WIDTH:
-            lines = bases.replace(", ", ",\n    ")
-            head = f"class {title_of(function)}(\n    {lines},\n):"
+            head = f"class {title_of(function)}(\n    {bases}\n):"
         classes.append(f'{head}\n    """Keywords of `{function}` beside its own parameters."""\n')
     classes.append(RECORDER)
     return "\n".join([HEAD, *aliases]) + "\n\n" + "\n\n".join(classes)

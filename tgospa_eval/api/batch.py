@@ -15,17 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.batch_row import (
-    NOT_WRITTEN,
-    UNSEEN,
-    JobTask,
-    digest_of,
-    evaluate_job,
-    files_of,
-    given_text,
-    key_of,
-    lost_job,
-)
+from tgospa_eval.api import batch_row
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
@@ -538,11 +528,11 @@ def shard_of(text: str | None) -> tuple[int, int]:
     return number, count
 
 
-def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
+def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
     """The jobs with their own options and their keys; what they share is there once."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
-    digest = functools.cache(digest_of)
+    digest = functools.cache(batch_row.digest_of)
     for job in plan.jobs:
         chosen = shared
         if job.options:
@@ -561,10 +551,12 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
                 ) from None
             chosen = replace(chosen, ignore_regions=path)
         folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None
-        yield JobTask(
+        yield batch_row.JobTask(
             job=job,
             options=chosen,
-            key=key_of(job, given_text(chosen), files_of(job, chosen), digest),
+            key=batch_row.key_of(
+                job, batch_row.given_text(chosen), batch_row.files_of(job, chosen), digest
+            ),
             folder=folder,
             proof=batch.proof,
             per_step=batch.per_step,
@@ -575,16 +567,16 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
 
 
 def _left_over(
-    tasks: Iterable[JobTask], before: "pd.DataFrame", *, retry_failed: bool
-) -> Iterator[JobTask]:
+    tasks: Iterable[batch_row.JobTask], before: "pd.DataFrame", *, retry_failed: bool
+) -> Iterator[batch_row.JobTask]:
     """What is not done, and what lacks something that is asked for beside its row.
 
     A task that is done again keeps the steps that its row has: a new one takes its place.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
-    found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
+    found = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
     found[numbers] = found[numbers].astype(float).fillna(0.0)
-    found[NOT_WRITTEN] = found[NOT_WRITTEN].notna()
+    found[batch_row.NOT_WRITTEN] = found[batch_row.NOT_WRITTEN].notna()
     rows = {row["key"]: row for row in found.to_dict("records")}
     for task in tasks:
         row = rows.get(task.key)
@@ -594,19 +586,19 @@ def _left_over(
             has_steps, has_curve = row[STORED_STEPS] > 0, bool(row[STORED_CURVE])
             wanted = task.per_step and row["sizes.steps"] > 0
             missing = wanted and not (has_steps and (has_curve or not task.options.curve))
-            written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
+            written = task.folder is None or (task.is_written and not row[batch_row.NOT_WRITTEN])
             if missing or not written:
                 options = replace(task.options, curve=task.options.curve or has_curve)
                 yield replace(task, options=options, per_step=task.per_step or has_steps)
 
 
-def _size(task: JobTask) -> int:
+def _size(task: batch_row.JobTask) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
 
-def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> list[Row]:
+def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: Notify) -> list[Row]:
     """Do the jobs, and store their rows every now and then, also when interrupted.
 
     Returns
@@ -623,10 +615,10 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
     faults: list[Row] = []
     begin = flushed = shown = time.monotonic()
     held = 0
-    rows = spread(evaluate_job, tasks, lost_job, engine)
+    rows = spread(batch_row.evaluate_job, tasks, batch_row.lost_job, engine)
     try:
         for done, row in enumerate(rows, 1):
-            if os.path.exists(row.pop(UNSEEN, "")):
+            if os.path.exists(row.pop(batch_row.UNSEEN, "")):
                 raise ConfigError(
                     f"{option('scheduler')}: {row['message']}: workers read and write files by "
                     "themselves, under the same paths on a file system that all share; what is "
@@ -670,9 +662,9 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
     known = {row["key"] for row in wrong}
     for row in (*wrong, *(row for row in faults if row["key"] not in known)):
         yield f"{job_name(row)}: {row['message']}"
-    if written and NOT_WRITTEN in rows:
-        for row in rows[rows[NOT_WRITTEN].notna()].to_dict("records"):
-            yield f"{job_name(row)}: {row[NOT_WRITTEN]}"
+    if written and batch_row.NOT_WRITTEN in rows:
+        for row in rows[rows[batch_row.NOT_WRITTEN].notna()].to_dict("records"):
+            yield f"{job_name(row)}: {row[batch_row.NOT_WRITTEN]}"
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:

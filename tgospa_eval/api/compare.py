@@ -14,6 +14,7 @@ from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.reading import called
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
+from tgospa_eval.campaign import ranking, solver_runs
 from tgospa_eval.campaign.pairs import (
     expand,
     first_file,
@@ -21,25 +22,6 @@ from tgospa_eval.campaign.pairs import (
     named_sides,
     runs_in_memory,
     short_names,
-)
-from tgospa_eval.campaign.ranking import (
-    Entrants,
-    RunOutcome,
-    outcome,
-    ranking_document,
-    saved_outcomes,
-    shared_metrics,
-    steps_columns,
-    steps_costs,
-)
-from tgospa_eval.campaign.solver_runs import (
-    ONCE,
-    check_solvers,
-    compare_solvers,
-    name_of,
-    solvers_document,
-    takes_long,
-    warm_up,
 )
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass, recast
@@ -206,7 +188,7 @@ class Compared(StudyReport):
     """
 
     document: Json
-    entrants: Entrants = field(default_factory=dict)
+    entrants: ranking.Entrants = field(default_factory=dict)
 
     def table(self) -> "pd.DataFrame":
         """A row for each estimate, the best first, or for each solver."""
@@ -224,14 +206,14 @@ class Compared(StudyReport):
 
     def curves_columns(self) -> Columns:
         """The same as columns: ``per_step.csv``."""
-        return steps_columns(self.entrants, self.document["estimates"][0]["name"])
+        return ranking.steps_columns(self.entrants, self.document["estimates"][0]["name"])
 
     @property
     def drawn(self) -> object:
         """What pictures are of: the document, or times and costs of steps, the best first."""
         if not self.entrants:
             return self.document
-        times, costs = steps_costs(self.entrants)
+        times, costs = ranking.steps_costs(self.entrants)
         names = [item["name"] for item in self.document["estimates"]]
         return times, {name: costs[name] for name in names if costs}
 
@@ -322,11 +304,11 @@ def compare(
     if chosen:
         given["solver"] = chosen[0]
     settings, stopwatch = resolve_request(requested(given)), Stopwatch()
-    check_solvers(chosen)
+    solver_runs.check_solvers(chosen)
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, warnings_only=True)
     found: Json
-    entrants: Entrants = {}
+    entrants: ranking.Entrants = {}
     if chosen:
         if options.get("with_"):
             raise ConfigError(
@@ -445,7 +427,7 @@ class PairReader:
         return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
 
 
-Ranked = tuple[Json, Entrants]
+Ranked = tuple[Json, ranking.Entrants]
 """The document, and what it was made of."""
 
 
@@ -480,7 +462,7 @@ def ranked(
         what there is of the first.
     """
     stopwatch = pairs.stopwatch
-    found: dict[str, list[RunOutcome]] = {}
+    found: dict[str, list[ranking.RunOutcome]] = {}
     others: dict[str, list[ComputedMetrics]] = {}
     count = len(names) * len(runs)
     for done, (name, truth, estimate) in enumerate(
@@ -498,14 +480,14 @@ def ranked(
                 effort = Resources(jobs=solver.jobs, stopwatch=stopwatch)
                 beside = other_metrics(prepared, with_, effort, result.proof)
                 others.setdefault(name, []).append(beside)
-            made = outcome(path, result, prepared.moments, per_step=per_step)
+            made = ranking.outcome(path, result, prepared.moments, per_step=per_step)
             found.setdefault(name, []).append(made)
     whole = len(found[names[-1]]) if names[-1] in found else 1
     entrants = {name: own[:whole] for name, own in found.items()}
     metrics = {name: joined(own[:whole]) for name, own in others.items()}
     truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = dict(result.settings)
-    return ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
+    return ranking.ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
 
 
 def solvers_on(
@@ -519,7 +501,7 @@ def solvers_on(
     """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
-    states = takes_long(prepared) if spare else None
+    states = solver_runs.takes_long(prepared) if spare else None
     if states is not None:
         chosen = [solver for solver in solvers if not solver.referee]
         reason = f"{states:,} reduced states, it may take minutes; "
@@ -527,12 +509,12 @@ def solvers_on(
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
-    warm_up(chosen)
-    found = [made for made, _ in compare_solvers(prepared, chosen, stopwatch.progress)]
+    solver_runs.warm_up(chosen)
+    found = [made for made, _ in solver_runs.compare_solvers(prepared, chosen, stopwatch.progress)]
     for solver in chosen[len(found) :]:
-        left_out[name_of(solver)] = "interrupted before its turn"
-    once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
-    return solvers_document(found, prepared, left_out, once, pairs.warnings)
+        left_out[solver_runs.name_of(solver)] = "interrupted before its turn"
+    once = {name: stopwatch.spans.get(span, 0.0) for name, span in solver_runs.ONCE.items()}
+    return solver_runs.solvers_document(found, prepared, left_out, once, pairs.warnings)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -584,7 +566,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     ]
     names = short_names(paths if any(marked) else runs[0])
     heads: list[list[Json]] = []
-    found: list[list[RunOutcome]] = []
+    found: list[list[ranking.RunOutcome]] = []
     for group in runs:
         documents = [read_result(path) for path in group]
         for document in documents:
@@ -603,7 +585,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
                 faults.append(f"{which}: {'; '.join(texts)}")
         if faults:
             raise ConfigError(*faults)
-        found.append(saved_outcomes(documents, group))
+        found.append(ranking.saved_outcomes(documents, group))
     entrants = dict(zip(names, zip(*found, strict=True), strict=True))
     warnings = [
         Notice(**record).about(path)
@@ -611,7 +593,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for path, item in zip(run, items, strict=True)
         for record in item["warnings"]
     ]
-    others, left_out = shared_metrics(heads)
+    others, left_out = ranking.shared_metrics(heads)
     for notice in (*warnings, *left_out):
         notify(notice)
     first, *rest = [item["parameters"] for items in heads for item in items]
@@ -626,4 +608,4 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     ]
     records = [warning.record() for warning in warnings]
     beside = {name: own for name, own in zip(names, others, strict=True) if own}
-    return ranking_document(entrants, truths, shared, records, beside), entrants
+    return ranking.ranking_document(entrants, truths, shared, records, beside), entrants

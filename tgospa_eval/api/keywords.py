@@ -32,21 +32,11 @@ IN_OBJECTS = {
     "step_weights": "a mapping from time to weight, a table ``t, weight[, switch_weight]``, an "
     "array (T,)",
     "ignore_regions": "a table, a GeoJSON document as a dictionary",
-    "with_": "a sequence of names",
-    "time_tolerance": "a number",
     "max_gap": "a number, or a pair of truth and estimate",
-    "resample": "a number",
-    "time_offset": "a number",
-    "period": "a number",
-    "outage": "a number",
-    "window": "a number of steps",
-    "every": "a number of steps",
-    "columns": "a sequence of names",
-    "truth_columns": "a sequence of names",
-    "estimate_columns": "a sequence of names",
-    "class_": "a sequence of names",
-    "truth_class": "a sequence of names",
-    "estimate_class": "a sequence of names",
+    **dict.fromkeys(("time_tolerance", "resample", "time_offset", "period", "outage"), "a number"),
+    **dict.fromkeys(("window", "every"), "a number of steps"),
+    **dict.fromkeys(("columns", "truth_columns", "estimate_columns"), "a sequence of names"),
+    **dict.fromkeys(("class_", "truth_class", "estimate_class", "with_"), "a sequence of names"),
 }
 """Texts of the command line that Python may give as something else, too."""
 

@@ -11,14 +11,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import as_distance
-from tgospa_eval.evaluation.diagnosis import (
-    alignment_notices,
-    axis_notices,
-    default_notice,
-    diagnose,
-    explained,
-    unit_notices,
-)
+from tgospa_eval.evaluation import diagnosis
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
@@ -95,9 +88,9 @@ def pair_notices(
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):
             yield Notice(text=text)
     if any(side.pixels for side in files):
-        yield from unit_notices(request.unit)
-    yield from axis_notices(sides.axis, request.time_matching)
-    for text in alignment_notices(aligned, request.time_matching):
+        yield from diagnosis.unit_notices(request.unit)
+    yield from diagnosis.axis_notices(sides.axis, request.time_matching)
+    for text in diagnosis.alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
     if request.ignoring is not None:
         ignored, excused = (
@@ -105,15 +98,15 @@ def pair_notices(
         )
         for text in request.ignoring.told(ignored=ignored, excused=excused):
             yield Notice(text=text)
-    found = diagnose(sides, request, sound=sound)
+    found = diagnosis.diagnose(sides, request, sound=sound)
     yield from found
     if request.defaults:
-        yield default_notice(
+        yield diagnosis.default_notice(
             aligned,
             distance,
             parameters,
             request.defaults,
-            others=explained(found),
+            others=diagnosis.explained(found),
             boxes=any(side.centres for side in files),
         )
     if not request.solver.referee:

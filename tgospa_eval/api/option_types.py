@@ -193,84 +193,40 @@ class _With(TypedDict, total=False):
     with_: str | Iterable[str] | None
 
 
-class EvaluateOptions(
-    _Rho,
-    _StepWeights,
-    _Existence,
-    _Distance,
-    _VerticalWeight,
-    _Columns,
-    _By,
-    _Preprocess,
-    _Jobs,
-    _With,
-):
-    """Keywords of `evaluate` beside its own parameters."""
+class ReduceOptions(_Columns, _Jobs):
+    """Keywords of `reduce` beside its own parameters."""
+
+
+class AssociateOptions(_Distance, _VerticalWeight, ReduceOptions):
+    """Keywords of `associate` beside its own parameters."""
+
+
+class SweepOptions(_StepWeights, _Existence, AssociateOptions):
+    """Keywords of `sweep` beside its own parameters."""
 
 
 class EvaluateManyOptions(
-    _Rho,
-    _StepWeights,
-    _Existence,
-    _Distance,
-    _VerticalWeight,
-    _Columns,
-    _Preprocess,
+    _Rho, _StepWeights, _Existence, _Distance, _VerticalWeight, _Columns, _Preprocess
 ):
     """Keywords of `evaluate_many` beside its own parameters."""
 
 
-class CompareOptions(
-    _Rho,
-    _StepWeights,
-    _Existence,
-    _Distance,
-    _VerticalWeight,
-    _Columns,
-    _Jobs,
-    _With,
-):
-    """Keywords of `compare` beside its own parameters."""
-
-
-class SweepOptions(_StepWeights, _Existence, _Distance, _VerticalWeight, _Columns, _Jobs):
-    """Keywords of `sweep` beside its own parameters."""
-
-
 class BatchEvaluationOptions(
-    _Cutoff,
-    _Rho,
-    _PlainStepWeights,
-    _Existence,
-    _VerticalWeight,
-    _Columns,
-    _Preprocess,
+    _Cutoff, _Rho, _PlainStepWeights, _Existence, _VerticalWeight, _Columns, _Preprocess
 ):
     """Keywords of `batch` beside its own parameters."""
 
 
-class GateEvaluationOptions(
-    _Cutoff,
-    _Rho,
-    _StepWeights,
-    _Existence,
-    _Distance,
-    _VerticalWeight,
-    _Columns,
-    _By,
-    _Preprocess,
-    _Jobs,
-    _With,
-):
+class CompareOptions(_Rho, _With, SweepOptions):
+    """Keywords of `compare` beside its own parameters."""
+
+
+class EvaluateOptions(_By, _Preprocess, CompareOptions):
+    """Keywords of `evaluate` beside its own parameters."""
+
+
+class GateEvaluationOptions(_Cutoff, EvaluateOptions):
     """Keywords of `gate` beside its own parameters."""
-
-
-class AssociateOptions(_Distance, _VerticalWeight, _Columns, _Jobs):
-    """Keywords of `associate` beside its own parameters."""
-
-
-class ReduceOptions(_Columns, _Jobs):
-    """Keywords of `reduce` beside its own parameters."""
 
 
 class RecorderOptions(_Cutoff, EvaluateOptions):

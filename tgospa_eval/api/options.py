@@ -53,6 +53,15 @@ _output = partial(setting, "Output")
 _beside = partial(_output, number=False, everywhere=False, stored=False)
 
 
+def _one_side(
+    declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
+) -> Any:
+    """An option of one side, as that of both, or of the estimate as that of the truth."""
+    side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
+    text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
+    return declare(declaration, text, **about)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
     """What is asked of an evaluation; None where nothing was given.
@@ -92,7 +101,6 @@ class Request(Values):
         "--step-weights FILE",
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
-        kind="path",
         parts=FITTING,
     )
     existence: str = _track_metric(
@@ -117,7 +125,6 @@ class Request(Values):
         "--covariance FILE",
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
-        kind="path",
         whose="mahalanobis",
     )
     vertical_weight: float | None = _metric(
@@ -147,14 +154,8 @@ class Request(Values):
         "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
         shown="x[,y[,z]], else lat,lon, else the centres of boxes",
     )
-    truth_columns: str | None = _files(
-        "--truth-columns NAMES",
-        "--columns for TRUTH alone.",
-    )
-    estimate_columns: str | None = _files(
-        "--estimate-columns NAMES",
-        "--columns for ESTIMATE alone.",
-    )
+    truth_columns: str | None = _one_side(_files, "--truth-columns NAMES")
+    estimate_columns: str | None = _one_side(_files, "--estimate-columns NAMES")
     truth_format: str | None = _files(
         "--truth-format FORMAT",
         "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
@@ -272,10 +273,8 @@ class Request(Values):
         shown="lat,lon where the other file has one",
         parts=FITTING,
     )
-    estimate_crs: str | None = _files(
-        "--estimate-crs SYSTEM",
-        "--truth-crs for ESTIMATE.",
-        parts=FITTING,
+    estimate_crs: str | None = _one_side(
+        _files, "--estimate-crs SYSTEM", like_truth=True, parts=FITTING
     )
     origin: str | None = _files(
         "--origin LAT,LON[,ALT]",
@@ -299,20 +298,16 @@ class Request(Values):
         shown="numbers or ISO times",
         parts=FITTING,
     )
-    estimate_time_format: str | None = _files(
-        "--estimate-time-format FORMAT",
-        "--truth-time-format for ESTIMATE.",
-        parts=FITTING,
+    estimate_time_format: str | None = _one_side(
+        _files, "--estimate-time-format FORMAT", like_truth=True, parts=FITTING
     )
     truth_time_zone: str | None = _files(
         "--truth-time-zone ZONE",
         "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
         parts=FITTING,
     )
-    estimate_time_zone: str | None = _files(
-        "--estimate-time-zone ZONE",
-        "--truth-time-zone for ESTIMATE.",
-        parts=FITTING,
+    estimate_time_zone: str | None = _one_side(
+        _files, "--estimate-time-zone ZONE", like_truth=True, parts=FITTING
     )
     day_begins: float | None = _files(
         "--day-begins T",
@@ -331,14 +326,8 @@ class Request(Values):
         "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
         "where that is unambiguous.",
     )
-    truth_class: str | None = _filters(
-        "--truth-class A[,B]",
-        "--class for TRUTH alone.",
-    )
-    estimate_class: str | None = _filters(
-        "--estimate-class A[,B]",
-        "--class for ESTIMATE alone.",
-    )
+    truth_class: str | None = _one_side(_filters, "--truth-class A[,B]")
+    estimate_class: str | None = _one_side(_filters, "--estimate-class A[,B]")
     region: str | None = _filters(
         "--region REGION",
         "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
@@ -359,11 +348,8 @@ class Request(Values):
         default=(),
         parts=ROWS_ALONE,
     )
-    estimate_where: tuple[str, ...] = _filters(
-        "--estimate-where TEST",
-        "--where for ESTIMATE alone.",
-        default=(),
-        parts=ROWS_ALONE,
+    estimate_where: tuple[str, ...] = _one_side(
+        _filters, "--estimate-where TEST", default=(), parts=ROWS_ALONE
     )
     by: str | None = _track_filters(
         "--by class",
@@ -395,7 +381,6 @@ class Request(Values):
         "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
-        kind="path",
     )
     max_speed: float | None = _track_filters(
         "--max-speed V",
@@ -446,7 +431,6 @@ class Request(Values):
         "--fix-cov",
         "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
         "matrix is an error.",
-        default=False,
     )
     missing_cov: str = _gaussians(
         "--missing-cov NAME",
@@ -532,7 +516,6 @@ class Request(Values):
         "--no-gating",
         "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
         "the bounds.",
-        default=False,
         trusted=False,
     )
     memory: int | None = _files(
@@ -571,7 +554,6 @@ class Request(Values):
     curve: bool = _beside(
         "--curve",
         "Evaluate the steps up to each step as well: the normalised metric over time.",
-        default=False,
         parts=FITTING,
     )
     window: str | None = _beside(
@@ -600,7 +582,6 @@ class Request(Values):
         "--explain",
         "Show the ten repairs of the estimate that are proven to save most, as the verb explain "
         "does; with -o also as files, and in report.html.",
-        default=False,
         parts=FITTING,
     )
 
@@ -722,20 +703,14 @@ class BatchOptions(Values):
     seqmap: str | None = _batch(
         "--seqmap FILE",
         "Only the sequences in this file, of a --layout; of kitti with their frames.",
-        kind="path",
     )
     output: str = _batch(
         "-o, --output DIR",
         "The store: a folder that the same command goes on with. Of batch report: where to write "
         "its files.",
-        kind="path",
     )
-    allow_missing: bool = _batch(
-        "--allow-missing", "Go on where truths or estimates are missing.", default=False
-    )
-    retry_failed: bool = _batch(
-        "--retry-failed", "Try jobs again that failed before.", default=False
-    )
+    allow_missing: bool = _batch("--allow-missing", "Go on where truths or estimates are missing.")
+    retry_failed: bool = _batch("--retry-failed", "Try jobs again that failed before.")
     shard: str | None = _batch(
         "--shard K/N",
         "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
@@ -746,17 +721,14 @@ class BatchOptions(Values):
     scheduler: str | None = _batch(
         "--scheduler ADDRESS", "Use the workers of a Dask cluster that is there: tcp://host:8786."
     )
-    reports: bool = _batch(
-        "--reports", "Write the result folder of each job, DIR/reports/LABELS.", default=False
-    )
-    proof: bool = _batch("--proof", "With --reports: with the proof of each value.", default=False)
+    reports: bool = _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS.")
+    proof: bool = _batch("--proof", "With --reports: with the proof of each value.")
     per_step: bool = _batch(
-        "--per-step", "Store the costs of each step as well, for curves over time.", default=False
+        "--per-step", "Store the costs of each step as well, for curves over time."
     )
     curve: bool = _batch(
         "--curve",
         "With --per-step: also evaluate the steps up to each step, as evaluate --curve does.",
-        default=False,
     )
     by: tuple[str, ...] = _batch(
         "--by LABELS",
@@ -768,7 +740,6 @@ class BatchOptions(Values):
     mean_of_roots: bool = _batch(
         "--mean-of-roots",
         "Also show the plain means of the values, which are no sums.",
-        default=False,
     )
     band: "BandKind | None" = _batch(
         "--band KIND",

@@ -16,18 +16,9 @@ from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, Tgospa
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import AlignedPair, fit
 from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
-from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats import ROLES, Reading, ReadOptions, objects, read
 from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
-from tgospa_eval.formats.objects import (
-    check_as_long,
-    components_of,
-    filled,
-    has_rows,
-    is_empty,
-    is_path,
-    with_plain_axes,
-)
 from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.text import listed, option
@@ -209,7 +200,7 @@ def _fit(
 def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
     """What sides are called in messages: files by their paths, others by what they are."""
     return tuple(
-        os.fsdecode(side) if is_path(side) else role
+        os.fsdecode(side) if objects.is_path(side) else role
         for side, role in zip(given, roles, strict=False)
     )
 
@@ -254,7 +245,7 @@ def read_pair(
         what a side is.
     """
     names = called(given, names or roles)
-    given = tuple(with_plain_axes(*both) for both in zip(given, names, strict=True))
+    given = tuple(objects.with_plain_axes(*both) for both in zip(given, names, strict=True))
     if advise:
         check_places(names)
     sides = _read(resolved, given, roles, names, mapping, known)
@@ -281,10 +272,10 @@ def _read(
 ) -> tuple[Reading, ...]:
     """All sides by one place, with heights where all have some; all faults at once."""
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
-    paths = tuple(os.fsdecode(side) for side in given if is_path(side))
+    paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
 
     def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
-        if is_path(given[k]):
+        if objects.is_path(given[k]):
             options = options.beside_others(paths, roles)
             options = replace(options, option="columns") if len(paths) == 1 else options
         about = roles[k], resolved.formats[k], names[k]
@@ -293,24 +284,26 @@ def _read(
     made: list[Reading | None] = []
     again: list[Callable[[ReadOptions], Reading] | None] = []
     faults: list[TgospaError] = []
-    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=False)):
+    for k, (side, chosen) in enumerate(
+        zip(given, objects.components_of(given, mapping), strict=False)
+    ):
         again.append(partial(read_side, k, chosen) if _stays(side) else None)
         try:
             before = known.get(names[0]) if known and k == 0 else None
-            made.append(None if is_empty(side) else before or read_side(k, chosen, each[k]))
+            made.append(None if objects.is_empty(side) else before or read_side(k, chosen, each[k]))
         except (InputError, ConfigError) as error:
             faults.append(error)
     if faults:
         raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
-    if known is not None and is_path(given[0]) and made[0]:
+    if known is not None and objects.is_path(given[0]) and made[0]:
         known.clear()
         known[names[0]] = made[0]  # not as one estimate alone needs it
     made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None
         made = with_heights(made, each, again, names, local=local, distance=distance.name)
-    sides = filled(made, distance.columns)
-    check_as_long(given, sides, names)
+    sides = objects.filled(made, distance.columns)
+    objects.check_as_long(given, sides, names)
     return sides
 
 
@@ -340,7 +333,7 @@ def _stays(side: object) -> bool:
     """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
     if isinstance(side, Reading):
         return False
-    return not is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
+    return not objects.is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
 
 
 def _converted(
@@ -350,7 +343,7 @@ def _converted(
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
-    if own.conversion.recorded_of(role) and has_rows(given, own):
+    if own.conversion.recorded_of(role) and objects.has_rows(given, own):
         return sides
     if conversion.unit_scale != 1:
         truth, estimate = (side.trajectories for side in sides)

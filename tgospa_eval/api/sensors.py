@@ -1,19 +1,20 @@
 """States of sensors, whoever asks: which belong together, and clouds with fewer particles."""
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import recast, replace
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
+from tgospa_eval.results.evaluation import frame_of
 from tgospa_eval.results.records import Columns
 from tgospa_eval.sensors import Pairing, reduce_trajectories
 from tgospa_eval.sensors import associate as associate_states
@@ -83,26 +84,18 @@ class Association(Pairing):
             raise ConfigError(f"no table {quoted(name)}; there are {', '.join(tables)}")
         return tables[name]()
 
-    @cached_property
-    def associations(self) -> "pd.DataFrame":
-        """Each state once: pairs by step, without a partner where a state stays alone."""
-        return self.frame("associations")
-
-    @cached_property
-    def costs(self) -> "pd.DataFrame":
-        """All pairs that were measured, and whether they were associated."""
-        return self.frame("costs")
-
-    @cached_property
-    def cross_covariances(self) -> "pd.DataFrame":
-        """Of each associated pair the cross-covariance of the particles."""
-        return self.frame("cross_covariances")
+    associations = frame_of(
+        "associations",
+        "Each state once: pairs by step, without a partner where a state stays alone.",
+    )
+    costs = frame_of("costs", "All pairs that were measured, and whether they were associated.")
+    cross_covariances = frame_of(
+        "cross_covariances", "Of each associated pair the cross-covariance of the particles."
+    )
 
     def frame(self, name: str) -> "pd.DataFrame":
         """A table as a DataFrame."""
-        import pandas as pd  # lazy: slow to import
-
-        return pd.DataFrame(self.table(name))
+        return as_frame(self.table(name))
 
     @property
     def drawn(self) -> "PlotData":
@@ -310,11 +303,9 @@ def reduce(
     ConfigError, InputError, TypeError
         As for `evaluate`, or there are no particles.
     """
-    import pandas as pd
-
     request = requested({**options, "truth_format": in_format})
     how, resolved = reducing(request, size)
     names = called((side,), ("side",))
     (read,) = _read(resolved, (side,), ("side",), mapping)
     after, table = reduce_side(read, how, names[0], Resources(jobs=request.jobs))
-    return after, pd.DataFrame(table)
+    return after, as_frame(table)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.campaign import SCHEMA
+from tgospa_eval.campaign import SCHEMA, statistics
 from tgospa_eval.campaign.row import (
     ESTIMATE_DIGEST,
     LABEL,
@@ -23,18 +23,6 @@ from tgospa_eval.campaign.row import (
     pair_numbers,
     same_data,
     truths,
-)
-from tgospa_eval.campaign.statistics import (
-    CONFIDENCE,
-    LEAST_PAIRS,
-    PERMUTATION_SEED,
-    TOTAL_ENDS,
-    holm,
-    intervals,
-    margins,
-    p_values,
-    permutations_of,
-    without_each,
 )
 from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
@@ -682,8 +670,8 @@ def _ranking(
         all_jobs=int(part["_pair"].nunique()),
         pairs=count,
         truths=common["_truth"].nunique(),
-        permutations=permutations_of(count),
-        seed=PERMUTATION_SEED,
+        permutations=statistics.permutations_of(count),
+        seed=statistics.PERMUTATION_SEED,
         order=float(common["order"].iloc[0]),
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
@@ -704,8 +692,8 @@ def _side_by_side(
 ) -> tuple[list[str], Totals]:
     """Names, best first, and their totals of each truth, or of each job of one truth."""
     truth = common.groupby("_pair")["_truth"].first()
-    costs = common.set_index(["_pair", column]).sort_index()[TOTAL_ENDS].unstack(column)
-    lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
+    costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
+    lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
     steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
     lower, upper, steps = _per_truth((lower, upper), truth.to_numpy(), steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
@@ -812,7 +800,9 @@ def _data(
 ) -> tuple[list[list[str]], Floats, Floats]:
     """Digests of the estimates of each, in one order of the jobs, and bounds of their totals."""
     table = common.set_index(["_pair", column]).sort_index()
-    sides = [table[end].unstack(column)[list(names)].to_numpy(float).T for end in TOTAL_ENDS]
+    sides = [
+        table[end].unstack(column)[list(names)].to_numpy(float).T for end in statistics.TOTAL_ENDS
+    ]
     if ESTIMATE_DIGEST not in table:
         return [[""] * sides[0].shape[1]] * len(names), sides[0], sides[1]
     # Jobs may have options of their own that change the number.
@@ -880,12 +870,12 @@ def _with_intervals(
     """
     lower, upper, steps = totals
     per = steps if per_step else None
-    if lower.shape[1] < LEAST_PAIRS:
+    if lower.shape[1] < statistics.LEAST_PAIRS:
         return [None] * len(lower)
-    sure: list[Any] = np.stack(intervals(lower, upper, order, per), axis=1).tolist()
+    sure: list[Any] = np.stack(statistics.intervals(lower, upper, order, per), axis=1).tolist()
     first, second = np.triu_indices(len(lower), 1)
-    lower, upper = (without_each(side, order, per) for side in (lower, upper))
-    margin = margins(lower[second] - upper[first], upper[second] - lower[first])
+    lower, upper = (statistics.without_each(side, order, per) for side in (lower, upper))
+    margin = statistics.margins(lower[second] - upper[first], upper[second] - lower[first])
     for row, half in zip(comparisons, np.where(same, 0.0, margin).tolist(), strict=True):
         low, high = row[f"{before}difference"]
         row |= {f"{before}lower": low - half, f"{before}upper": high + half}
@@ -900,16 +890,16 @@ def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any
     """
     lower, upper, _ = totals
     size = len(lower)
-    if lower.shape[1] < LEAST_PAIRS:
+    if lower.shape[1] < statistics.LEAST_PAIRS:
         return [None] * size
     if not comparisons:
         return [(1, 1)] * size
     first, second = np.triu_indices(size, 1)
     least, most = lower[second] - upper[first], upper[second] - lower[first]
     least[same] = most[same] = 0.0
-    p_value = p_values(least, most)
-    adjusted = holm(p_value)
-    significant = adjusted < 1 - CONFIDENCE
+    p_value = statistics.p_values(least, most)
+    adjusted = statistics.holm(p_value)
+    significant = adjusted < 1 - statistics.CONFIDENCE
     for row, *found in zip(
         comparisons, p_value.tolist(), adjusted.tolist(), significant.tolist(), strict=True
     ):

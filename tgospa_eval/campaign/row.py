@@ -22,22 +22,10 @@ from tgospa_eval.common.documents import (
 from tgospa_eval.common.interval import Interval, equal, overlap
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.pair import EvaluationByClass
+from tgospa_eval.results import saved
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS
-from tgospa_eval.results.saved import (
-    ACCURACY,
-    JUDGED,
-    NEES_SUMS,
-    NOTICE,
-    OF_THE_ESTIMATE,
-    PARAMETERS,
-    ROLES,
-    SLICING,
-    UNLIKE_COUNTS,
-    contradictions,
-    slices_fault,
-)
 from tgospa_eval.results.summary import SUMMARY, flat
 from tgospa_eval.text import clipped, quoted
 
@@ -157,11 +145,11 @@ OF_VALUES: dict[str, FieldKind] = {
     **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
     "certified": FLAG,
     **{f"counts.{name}": COST for name in COUNTED_PARTS},
-    **{f"judged.{name}": kind for name, kind in JUDGED.items()},
+    **{f"judged.{name}": kind for name, kind in saved.JUDGED.items()},
     **dict.fromkeys(("sizes.steps", "sizes.truth_states", "sizes.estimate_states"), COUNT),
-    **{name: PARAMETERS[name] for name in PARAMETER_COLUMNS},
+    **{name: saved.PARAMETERS[name] for name in PARAMETER_COLUMNS},
     **dict.fromkeys(("parameters", "warnings"), TEXT),
-    **{f"input.{role}.sha256": TEXT for role in ROLES},
+    **{f"input.{role}.sha256": TEXT for role in saved.ROLES},
     **dict.fromkeys(OFF_STEPS.values(), COUNT),
 }
 """Columns of jobs that have a value."""
@@ -195,10 +183,10 @@ OF_SEVERAL: dict[str, FieldKind] = {
 
 AS_JSON = {
     "options": {...: TEXT},
-    "parameters": PARAMETERS,
-    "warnings": [NOTICE],
-    STORED_NEES: NEES_SUMS,
-    STORED_SLICES: [SLICING],
+    "parameters": saved.PARAMETERS,
+    "warnings": [saved.NOTICE],
+    STORED_NEES: saved.NEES_SUMS,
+    STORED_SLICES: [saved.SLICING],
 }
 """Columns of JSON texts."""
 
@@ -290,8 +278,8 @@ def _contradictions(
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
     columns = {name: np.array(table[name].to_pylist(), float) for name in names}
     columns["rho"] = np.array([own.get("rho", 0.5) for own in parameters])
-    is_plain = np.array([not any(one in own for one in UNLIKE_COUNTS) for own in parameters])
-    yield from contradictions(columns, is_plain)
+    is_plain = np.array([not any(one in own for one in saved.UNLIKE_COUNTS) for own in parameters])
+    yield from saved.contradictions(columns, is_plain)
     several = {STORED_NEES, STORED_SLICES} & of_text.keys()
     for row, own in enumerate(table.to_pylist() if several else ()):
         sums = of_text.get(STORED_NEES, {}).get(own.get(STORED_NEES))
@@ -299,7 +287,7 @@ def _contradictions(
         if sums and not fits_sums(record | {"mean": own[NEES], "sums": sums}):
             yield row, f"{NEES} has other numbers than its sums make"
         slicings = of_text.get(STORED_SLICES, {}).get(own.get(STORED_SLICES))
-        wrong = slices_fault(slicings or (), own)
+        wrong = saved.slices_fault(slicings or (), own)
         if wrong:
             yield row, wrong
     for name in PARAMETER_COLUMNS:
@@ -321,7 +309,7 @@ READ_AS_GIVEN = (
     "max_gap",
     *("on_duplicate", "on_invalid", "fix_cov", "missing_cov", "inner_cov", "decimal", "steps"),
     "ignore_regions",
-    *OF_THE_ESTIMATE,
+    *saved.OF_THE_ESTIMATE,
 )
 """Parameters that say how a file is read, or come from what is in it: each job may have its own."""
 
@@ -348,7 +336,7 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
         return rows, differing
     found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
     names = {name for settings in found.values() for name in settings}
-    for name in sorted(names - {*PARAMETER_COLUMNS, *ACCURACY, *READ_AS_GIVEN}):
+    for name in sorted(names - {*PARAMETER_COLUMNS, *saved.ACCURACY, *READ_AS_GIVEN}):
         shown = {text: in_words(settings.get(name)) for text, settings in found.items()}
         if len(set(shown.values())) > 1:
             rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})

@@ -36,6 +36,9 @@ TIE = 1e-12
 NUMBERS_AT_ONCE = 4_000_000
 """Numbers that are exchanged at once."""
 
+OF_INTERVALS = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
+"""Columns of the intervals of groups."""
+
 TOTAL_ENDS = ["total_lower", "total_upper"]
 """Columns of the bracket of a total."""
 
@@ -334,5 +337,4 @@ def confidence(
         order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
         found[:2, groups_of] = intervals(lower, upper, order)
         found[2:, groups_of] = intervals(lower, upper, order, steps)
-    names = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
-    return pd.DataFrame(found.T, columns=names, index=orders.index)
+    return pd.DataFrame(found.T, columns=OF_INTERVALS, index=orders.index)

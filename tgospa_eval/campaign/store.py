@@ -17,16 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.campaign.row import Row, column_fault, job_name, known_columns, part_fault
-from tgospa_eval.common import files
-from tgospa_eval.common.documents import (
-    ANYTHING,
-    COST,
-    COUNT,
-    TEXT,
-    Maybe,
-    or_null,
-    read_document,
-)
+from tgospa_eval.common import documents, files
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.common.writing import STORE, STORE_SCHEMA, take_lock, writing
@@ -66,15 +57,15 @@ STATE_COLUMNS = ("truth_states", "estimate_states", "assigned_states")
 NEES_COLUMNS = ("nees.total", "nees.pairs")
 
 OF_STEPS = {
-    **dict.fromkeys(("key", "t"), TEXT),
-    **dict.fromkeys(("finished", "step", "steps"), COUNT),
-    **dict.fromkeys(COST_COLUMNS, COST),
-    **dict.fromkeys(CURVE_COLUMNS, or_null(COST)),
+    **dict.fromkeys(("key", "t"), documents.TEXT),
+    **dict.fromkeys(("finished", "step", "steps"), documents.COUNT),
+    **dict.fromkeys(COST_COLUMNS, documents.COST),
+    **dict.fromkeys(CURVE_COLUMNS, documents.or_null(documents.COST)),
 }
 """Columns of all steps."""
 
 OF_SOME_STEPS = dict.fromkeys(
-    (*CURVE_PARTS, *GOSPA_COLUMNS, *STATE_COLUMNS, *NEES_COLUMNS), or_null(COST)
+    (*CURVE_PARTS, *GOSPA_COLUMNS, *STATE_COLUMNS, *NEES_COLUMNS), documents.or_null(documents.COST)
 )
 """Columns that some steps have."""
 
@@ -286,13 +277,15 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 SETTINGS = {
-    "version": TEXT,
-    "options": {...: ANYTHING},
-    "with": Maybe([TEXT]),
-    "slices": Maybe([TEXT]),
+    "version": documents.TEXT,
+    "options": {...: documents.ANYTHING},
+    "with": documents.Maybe([documents.TEXT]),
+    "slices": documents.Maybe([documents.TEXT]),
     "jobs": {
-        "paths": [TEXT],
-        **dict.fromkeys(("truth", "estimate", "layout", "seqmap"), or_null(TEXT)),
+        "paths": [documents.TEXT],
+        **dict.fromkeys(
+            ("truth", "estimate", "layout", "seqmap"), documents.or_null(documents.TEXT)
+        ),
     },
     "settings_file": USED_FILE,
 }
@@ -371,7 +364,9 @@ class Store:
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
             raise InputError(f"{self.folder}: holds no batch: {SETTINGS_FILE} is missing")
-        return read_document(str(path), SCHEMA, SETTINGS, remedy="make it anew with batch")
+        return documents.read_document(
+            str(path), SCHEMA, SETTINGS, remedy="make it anew with batch"
+        )
 
     def rows(self) -> "pd.DataFrame":
         """One row for each job, done before failed and the last of these, in the order of labels.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.campaign import statistics, store
 from tgospa_eval.campaign.ranking import rankings
 from tgospa_eval.campaign.row import (
     LABEL,
@@ -26,21 +27,6 @@ from tgospa_eval.campaign.row import (
     shown_labels,
     truths,
     with_parameters,
-)
-from tgospa_eval.campaign.statistics import (
-    CONFIDENCE,
-    LEAST_PAIRS,
-    NUMBERS_AT_ONCE,
-    confidence,
-    rare_intervals,
-)
-from tgospa_eval.campaign.store import (
-    COST_COLUMNS,
-    CURVE_COLUMNS,
-    CURVE_PARTS,
-    GOSPA_COLUMNS,
-    NEES_COLUMNS,
-    STATE_COLUMNS,
 )
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.notices import Notice
@@ -134,11 +120,6 @@ SUMS = (
     "judged.steps",
 )  # fmt: skip
 
-OF_INTERVALS = tuple(
-    f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")
-)
-"""Columns of the intervals of groups."""
-
 ENDS = ("", "_lower", "_upper")
 """Of the names of a value and its bounds."""
 
@@ -209,7 +190,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         for end in ENDS:
             values = having["total" + end] ** (1 / having["order"])
             table["mean_of_roots" + end] = values.groupby(own).mean()
-    taken = {*table, *OF_INTERVALS, *parameters}
+    taken = {*table, *statistics.OF_INTERVALS, *parameters}
     shown = zip(by, shown_labels(by, taken), strict=True)
     heads = heads.rename(columns={LABEL + name: head for name, head in shown})
     items: list[Ranking | str] = []
@@ -217,7 +198,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         items = list(rankings(having, by[0], parameters, filled[LABEL + by[0]].unique()))
     return BatchTables(
         rows=rows,
-        groups=pd.concat([heads, table, confidence(having, own, orders)], axis=1),
+        groups=pd.concat([heads, table, statistics.confidence(having, own, orders)], axis=1),
         by=tuple(by),
         parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
@@ -336,7 +317,7 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int
 BAND_RESAMPLES, BAND_SEED = 1000, 1
 """Of the bootstrap."""
 
-BAND_LEVELS = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
 """Ends of bands."""
 
 BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
@@ -351,8 +332,8 @@ Line = tuple[list[float], Band | None]
 """Root mean squares, and what is around them; None where there are too few runs."""
 
 LEAST_RUNS: Mapping[BandKind, int] = {
-    "interval": LEAST_PAIRS,
-    "bootstrap": LEAST_PAIRS,
+    "interval": statistics.LEAST_PAIRS,
+    "bootstrap": statistics.LEAST_PAIRS,
     "percentiles": 2,
     "deviation": 2,
 }
@@ -459,24 +440,26 @@ def _curves(
                 "its last"
             )
     if runs.nees is not None:
-        lacking = np.isin(jobs, steps["job"][steps[NEES_COLUMNS[0]].isna()])
+        lacking = np.isin(jobs, steps["job"][steps[store.NEES_COLUMNS[0]].isna()])
         if lacking.any():
             notes.append(
                 f"NEES over time lacks {np.count_nonzero(lacking):,} of "
                 f"{counted(len(jobs), 'run')}, which have no covariances"
             )
-    costs = runs.columns(COST_COLUMNS)
+    costs = runs.columns(store.COST_COLUMNS)
     each, so_far = (
         {
             name: runs.line(row, carried=carried)
-            for name, row in zip(COST_COLUMNS, rows, strict=True)
+            for name, row in zip(store.COST_COLUMNS, rows, strict=True)
         }
         for rows, carried in ((costs, False), (runs.so_far(costs), True))
     )
-    each |= {name: (runs.rms(row, carried=False), None) for name, row in runs.known(GOSPA_COLUMNS)}
+    each |= {
+        name: (runs.rms(row, carried=False), None) for name, row in runs.known(store.GOSPA_COLUMNS)
+    }
     yield "step", runs, each, _means(runs), None
     yield "cumulative", runs, so_far, {}, None
-    traced = steps[steps[CURVE_COLUMNS[0]].notna()]
+    traced = steps[steps[store.CURVE_COLUMNS[0]].notna()]
     if not len(traced):
         return
     having = np.isin(jobs, traced["job"]) | ~np.isin(jobs, steps["job"])
@@ -484,10 +467,10 @@ def _curves(
         missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
         notes.append(f"{missing} have no values of the steps up to each step")
     runs = _Runs(traced, jobs[having], order, *shown)
-    powers = [[value**order for value in own] for own in runs.columns(CURVE_COLUMNS).tolist()]
+    powers = [[value**order for value in own] for own in runs.columns(store.CURVE_COLUMNS).tolist()]
     value, lower, upper = np.array(powers)
     lines = {"total": runs.line(value, (lower, upper), carried=True)}
-    for name, row in runs.known(CURVE_PARTS):
+    for name, row in runs.known(store.CURVE_PARTS):
         lines[name.removeprefix("curve.")] = runs.line(row, carried=True)
     ends = runs.rms(lower, carried=True), runs.rms(upper, carried=True)
     yield "growing", runs, lines, {}, ends
@@ -495,12 +478,12 @@ def _curves(
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
     """Cardinality, detection rate and NEES at each time; NaN where there is nothing."""
-    sums = {name: runs.sums(row, carried=False) for name, row in runs.known(STATE_COLUMNS)}
+    sums = {name: runs.sums(row, carried=False) for name, row in runs.known(store.STATE_COLUMNS)}
     found: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
-        if len(sums) >= len(STATE_COLUMNS):
-            truth, _, assigned = (sums[name] for name in STATE_COLUMNS)
-            found = {name: sums[name] / runs.present for name in STATE_COLUMNS[:2]}
+        if len(sums) >= len(store.STATE_COLUMNS):
+            truth, _, assigned = (sums[name] for name in store.STATE_COLUMNS)
+            found = {name: sums[name] / runs.present for name in store.STATE_COLUMNS[:2]}
             found["detection_rate"] = assigned / truth
         if runs.nees is not None:
             found[NEES] = runs.nees[0] / runs.nees[1]
@@ -511,7 +494,7 @@ def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, usual: flo
     """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
     root = 1 / order
     if kind == "interval":
-        return np.stack(rare_intervals(lower.T, upper.T, order, usual))
+        return np.stack(statistics.rare_intervals(lower.T, upper.T, order, usual))
     if kind == "bootstrap":
         least = _resampled(lower)
         most = least if upper is lower else _resampled(upper)
@@ -528,7 +511,7 @@ def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, usual: flo
 def _resampled(costs: Floats) -> Floats:
     """Means of costs (N, K) of runs that are drawn with replacement, sorted."""
     runs, rng = len(costs), np.random.default_rng(BAND_SEED)
-    draws = max(1, NUMBERS_AT_ONCE // runs)
+    draws = max(1, statistics.NUMBERS_AT_ONCE // runs)
     means = np.concatenate(
         [
             rng.multinomial(runs, [1 / runs] * runs, min(draws, BAND_RESAMPLES - done)) @ costs
@@ -599,9 +582,9 @@ class _Runs:
     @cached_property
     def nees(self) -> tuple[Floats, Floats] | None:
         """Sums (T,) of NEES and numbers of pairs over the runs that have some."""
-        if NEES_COLUMNS[0] not in self.steps:
+        if store.NEES_COLUMNS[0] not in self.steps:
             return None
-        total, pairs = np.nan_to_num(self.columns(NEES_COLUMNS))
+        total, pairs = np.nan_to_num(self.columns(store.NEES_COLUMNS))
         return self.sums(total, carried=False), self.sums(pairs, carried=False)
 
     @cached_property
@@ -685,7 +668,7 @@ class _Runs:
                 ends[self.run[own.start]] = self.place[[own.start, own.stop - 1]]
         size = len(self.times)
         keys = self.run * size + self.place
-        width = max(1, NUMBERS_AT_ONCE // max(self.count, BAND_RESAMPLES))
+        width = max(1, statistics.NUMBERS_AT_ONCE // max(self.count, BAND_RESAMPLES))
         for low in range(0, size, width):
             first = size * np.arange(self.count)[:, None]
             wanted = first + np.arange(low, min(low + width, size))

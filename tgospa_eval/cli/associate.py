@@ -9,16 +9,9 @@ import click
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import NAMES, OPTION_SPECS, Request
-from tgospa_eval.cli.shared.click_builder import (
-    PICTURE_OPTIONS,
-    OutputOptions,
-    chosen_options,
-    format_option,
-    one_of,
-)
-from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
+from tgospa_eval.cli.shared import click_builder
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import ResolvedRequest
@@ -36,13 +29,6 @@ SENSOR_OPTIONS = [
 ]
 """What it has of the options of everything that evaluates."""
 
-_files = partial(
-    option,
-    section="Files",
-    trusted=True,
-    type=one_of(FORMATS),
-    show_default="found from name and content",
-)
 _output = partial(Option, section="Output")
 
 
@@ -57,36 +43,14 @@ _output = partial(Option, section="Output")
             type=float,
             required=True,
         ),
-        *chosen_options(
+        *click_builder.chosen_options(
             SENSOR_OPTIONS,
-            _files(
-                "--a-format FORMAT",
-                OPTION_SPECS["truth_format"].help.replace("TRUTH", "A"),
-                name="truth_format",
-            ),
-            _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
             *(
-                option(
-                    f"--{letter}-columns NAMES",
-                    f"--columns for {letter.upper()} alone.",
-                    name=name,
-                    section="Files",
-                    trusted=True,
-                )
-                for letter, name in (("a", "truth_columns"), ("b", "estimate_columns"))
+                click_builder.side_option(f"{role}_{what}", side)
+                for what in ("format", "columns", "where")
+                for role, side in (("truth", "a"), ("estimate", "b"))
             ),
-            *(
-                option(
-                    f"--{letter}-where TEST",
-                    f"--where for {letter.upper()} alone.",
-                    name=name,
-                    section="Filters",
-                    trusted=True,
-                    multiple=True,
-                )
-                for letter, name in (("a", "truth_where"), ("b", "estimate_where"))
-            ),
-            format_option("table", "json", "csv"),
+            click_builder.format_option("table", "json", "csv"),
             _output(
                 "--cost-matrix FILE",
                 "Write the distances of all pairs of each step to a CSV file.",
@@ -103,7 +67,7 @@ _output = partial(Option, section="Output")
                 "this folder.",
                 type=PATH,
             ),
-            *(item for item in PICTURE_OPTIONS if item.key != "components"),
+            *(item for item in click_builder.PICTURE_OPTIONS if item.key != "components"),
             _output("--force", "Write over files that exist."),
         ),
     ],
@@ -138,7 +102,7 @@ def command(
 
     options |= {"force": force}
     request = Request.of(of_pairs(options))
-    output, taken = OutputOptions.of(options), [a, b]
+    output, taken = click_builder.OutputOptions.of(options), [a, b]
     asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
     files = {name: path for name, path in asked.items() if path}
     for name, path in files.items():

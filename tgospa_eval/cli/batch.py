@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.api.options import BatchOptions, Request
-from tgospa_eval.cli.shared.click_builder import (
-    COLUMNS_OF_TABLE,
-    CONFIG_FILE,
-    EVALUATION,
-    PICTURES,
-    QUIET,
-    SLICE,
-    WITH,
-    OutputOptions,
-    options_of,
-    report_format,
-)
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import PATH, Option, Verb, dashed, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.errors import ConfigError
@@ -37,20 +26,20 @@ OF_REPORT = {
     "batch",
     cls=Verb,
     params=[
-        *options_of(BatchOptions).values(),
-        *(item for item in EVALUATION if item.key not in ("by", "jobs")),
+        *click_builder.options_of(BatchOptions).values(),
+        *(item for item in click_builder.EVALUATION if item.key not in ("by", "jobs")),
         Option(
             "--force",
             "Write curves and report.html over files that no batch wrote.",
             section="Output",
         ),
-        report_format(Option),
-        SLICE,
-        WITH,
-        COLUMNS_OF_TABLE,
-        *PICTURES,
-        CONFIG_FILE,
-        QUIET,
+        click_builder.report_format(Option),
+        click_builder.SLICE,
+        click_builder.WITH,
+        click_builder.COLUMNS_OF_TABLE,
+        *click_builder.PICTURES,
+        click_builder.CONFIG_FILE,
+        click_builder.QUIET,
     ],
 )
 @click.argument("paths", type=PATH, nargs=-1)
@@ -78,7 +67,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     from tgospa_eval.show.batch import batch_report
     from tgospa_eval.show.study_table import checked_columns
 
-    output = OutputOptions.of(options)
+    output = click_builder.OutputOptions.of(options)
     checked_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
@@ -109,7 +98,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     ctx.exit(done.status)
 
 
-def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None:
+def _write(store: "Store", tables: "BatchTables", output: click_builder.OutputOptions) -> None:
     """Write the page of a batch, its curves and pictures to the folder of ``-o``.
 
     Raises

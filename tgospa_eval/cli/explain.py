@@ -5,15 +5,7 @@ from functools import partial
 import click
 
 from tgospa_eval.api.options import PREPROCESS, Request
-from tgospa_eval.cli.shared.click_builder import (
-    BY_OF_SETTINGS,
-    CONFIG_FILE,
-    EVALUATION,
-    QUIET,
-    VERBOSE,
-    OutputOptions,
-    format_option,
-)
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option, typed_options
 from tgospa_eval.errors import ConfigError, ExitStatus
 
@@ -27,8 +19,8 @@ _output = partial(Option, section="Output")
     "explain",
     cls=Verb,
     params=[
-        *(item for item in EVALUATION if item.key not in LEFT_ASIDE),
-        BY_OF_SETTINGS,
+        *(item for item in click_builder.EVALUATION if item.key not in LEFT_ASIDE),
+        click_builder.BY_OF_SETTINGS,
         option(
             "--preprocess RULES",
             "",
@@ -55,10 +47,10 @@ _output = partial(Option, section="Output")
             default=1,
         ),
         _output("--force", "Write over the file of -o if it exists."),
-        format_option("table", "json", "csv", "markdown", "latex"),
-        CONFIG_FILE,
-        QUIET,
-        VERBOSE,
+        click_builder.format_option("table", "json", "csv", "markdown", "latex"),
+        click_builder.CONFIG_FILE,
+        click_builder.QUIET,
+        click_builder.VERBOSE,
     ],
 )
 @click.argument("truth", type=SOURCE)
@@ -114,7 +106,10 @@ def command(
     if output is not None:
         others = truth, estimate
         ending = check_file(output, "-o", force=force, others=others, endings=TABLES)
-    request, shown = Request.of(options | dict.fromkeys(LEFT_ASIDE)), OutputOptions.of(options)
+    request, shown = (
+        Request.of(options | dict.fromkeys(LEFT_ASIDE)),
+        click_builder.OutputOptions.of(options),
+    )
     result, finished = evaluate_files(truth, estimate, request, shown)
     found = explained(result, shown, max(top, apply))
     if output is not None:

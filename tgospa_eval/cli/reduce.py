@@ -5,17 +5,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import OPTION_SPECS, Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
-from tgospa_eval.cli.shared.click_builder import (
-    REDUCTION,
-    OutputOptions,
-    chosen_options,
-    format_option,
-    one_of,
-)
-from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
-from tgospa_eval.formats import FORMATS
+from tgospa_eval.cli.shared import click_builder
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Resources
@@ -34,20 +27,12 @@ if TYPE_CHECKING:
             type=click.IntRange(min=1),
             required=True,
         ),
-        *chosen_options(
+        *click_builder.chosen_options(
             ("columns", "decimal", "max-input", "time", "class", "region", "where", "jobs"),
-            *REDUCTION,
-            option(
-                "--in-format FORMAT",
-                OPTION_SPECS["truth_format"].help.replace("TRUTH", "IN"),
-                name="truth_format",
-                section="Files",
-                trusted=True,
-                type=one_of(FORMATS),
-                show_default="found from name and content",
-            ),
+            *click_builder.REDUCTION,
+            click_builder.side_option("truth_format", "in"),
             Option("--force", "Write over OUT if it exists.", section="Output"),
-            format_option("table", "json", "csv"),
+            click_builder.format_option("table", "json", "csv"),
         ),
     ],
 )
@@ -77,7 +62,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.result_text import reduction_text
 
-    request, output = Request.of(options), OutputOptions.of(options)
+    request, output = Request.of(options), click_builder.OutputOptions.of(options)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
     how, settings = reducing(request, size)
 

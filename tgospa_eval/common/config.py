@@ -275,10 +275,12 @@ class OptionSpec:
 
 
 def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
-    """Declare a field of a record of options."""
-    return dataclasses.field(
-        default=default, metadata={"setting": OptionSpec(section, declaration, text, **about)}
-    )
+    """Declare a field of a record of options; a flag is off, FILE and DIR are paths."""
+    metavar = declaration.split(", ")[-1].partition(" ")[2]
+    if metavar in ("FILE", "DIR"):
+        about["kind"] = "path"
+    spec = OptionSpec(section, declaration, text, **about)
+    return dataclasses.field(default=default if metavar else False, metadata={"setting": spec})
 
 
 @dataclass(frozen=True, kw_only=True)

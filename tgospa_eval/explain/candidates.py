@@ -335,6 +335,14 @@ class Candidate:
     end: int | None = None
 
 
+def of_steps(
+    kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
+) -> Candidate:
+    """A candidate about what is from the first of some steps to the last."""
+    begin, end = int(steps[0]), int(steps[-1])
+    return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
+
+
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
     """Of each change of a truth from one estimate to another the exchange, or merge, of the two."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
@@ -375,15 +383,8 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
     if np.isin(first, second).any():
         return None
     into, track = (a, b) if first[0] < second[0] else (b, a)
-    later = step[assigned.estimate.rows(track)]
-    return Candidate(
-        kind="merge",
-        saving=0.0,
-        edit=Edit(pieces=dict.fromkeys((a, b), ((0, assigned.problem.steps - 1, into),))),
-        tracks=(into, track),
-        begin=int(later[0]),
-        end=int(later[-1]),
-    )
+    edit = Edit(pieces=dict.fromkeys((a, b), ((0, assigned.problem.steps - 1, into),)))
+    return of_steps("merge", 0.0, edit, (into, track), step[assigned.estimate.rows(track)])
 
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
@@ -463,7 +464,8 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
     saved[np.diff(assigned.estimate.first) == 0] = 0.0  # of which no row is left
     for track in np.argsort(-saved, kind="stable")[:most].tolist():
         if saved[track] > 0:
-            yield _dropped(assigned, track, float(saved[track]))
+            steps, edit = side.step[assigned.estimate.rows(track)], Edit(pieces={track: ()})
+            yield of_steps("drop", float(saved[track]), edit, (track,), steps)
     for track in range(side.count):
         rows = assigned.estimate.rows(track)
         used = np.flatnonzero(~free[rows])
@@ -474,31 +476,13 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
                 yield _cut(assigned, track, cut)
 
 
-def _dropped(assigned: Assigned, track: int, saving: float) -> Candidate:
-    steps = assigned.estimate.side.step[assigned.estimate.rows(track)]
-    return Candidate(
-        kind="drop",
-        saving=saving,
-        edit=Edit(pieces={track: ()}),
-        tracks=(track,),
-        begin=int(steps[0]),
-        end=int(steps[-1]),
-    )
-
-
 def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
     side = assigned.estimate.side
     begin, end = int(side.step[rows[0]]), int(side.step[rows[-1]])
     last = assigned.problem.steps - 1
     kept = (end + 1, last) if rows[0] == assigned.estimate.rows(track)[0] else (0, begin - 1)
-    return Candidate(
-        kind="trim",
-        saving=float(side.price[rows].sum()),
-        edit=Edit(pieces={track: ((*kept, track),)}),
-        tracks=(track,),
-        begin=begin,
-        end=end,
-    )
+    edit, saving = Edit(pieces={track: ((*kept, track),)}), float(side.price[rows].sum())
+    return of_steps("trim", saving, edit, (track,), side.step[rows])
 
 
 # -------------------------------------------------------------------------------------------------
@@ -616,14 +600,7 @@ def _with_rows(
         covariance=between(places.estimate.covariance),
         attributes={} if likely is None else {EXISTENCE: likely},
     )
-    return Candidate(
-        kind=kind,
-        saving=saving,
-        edit=Edit(added=rows),
-        tracks=(track,),
-        begin=int(step.min()),
-        end=int(step.max()),
-    )
+    return of_steps(kind, saving, Edit(added=rows), (track,), rows.step)
 
 
 def _added_saves(

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,26 +17,8 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.solution import Brackets, Unjudged, Windows
+from tgospa_eval.results import records
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.records import (
-    PARTS,
-    SPLIT_PARTS,
-    USUAL_SCORE,
-    Calibration,
-    Columns,
-    Costs,
-    Json,
-    Labels,
-    MetricSums,
-    OtherMetrics,
-    Similarity,
-    as_lists,
-    costliest,
-    json_text,
-    members_in_words,
-    records,
-    step_columns,
-)
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary, TrackedShares, flat, headline
 from tgospa_eval.text import quoted
@@ -51,7 +33,7 @@ OPEN = 0.99
 """Relative gap from which a bracket says hardly more than its upper bound."""
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
-LOGGED = (*BRACKET, *PARTS)
+LOGGED = (*BRACKET, *records.PARTS)
 """What every result has one number of."""
 
 DOCUMENTED = (
@@ -61,11 +43,12 @@ DOCUMENTED = (
 """What the JSON has as it stands."""
 
 
-def _frame(name: str, about: str) -> "cached_property[pd.DataFrame]":
+def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
     """An attribute that is a table as a DataFrame, made when it is read."""
 
-    def made(result: "Evaluation") -> "pd.DataFrame":
-        return result.frame(name)
+    def made(result: Any) -> "pd.DataFrame":
+        found: pd.DataFrame = result.frame(name)
+        return found
 
     made.__doc__ = about
     return cached_property(made)
@@ -130,13 +113,13 @@ class Evaluation(ABC):
         What the summary calls mostly tracked and mostly lost.
     """
 
-    proof: Costs
-    labels: Labels
+    proof: records.Costs
+    labels: records.Labels
     gap: float
     settings: Mapping[str, object]
-    solver: Json
-    timings: Json
-    input: Mapping[str, Json]
+    solver: records.Json
+    timings: records.Json
+    input: Mapping[str, records.Json]
     evaluated_on: Coverage
     sizes: dict[str, int]
     objects: tuple[int, int]
@@ -147,12 +130,12 @@ class Evaluation(ABC):
     warnings: tuple[Notice, ...] = ()
     notices: tuple[str, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
-    with_: OtherMetrics = field(default_factory=dict)
+    with_: records.OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
-    sums: MetricSums = field(default_factory=dict)
+    sums: records.MetricSums = field(default_factory=dict)
     unjudged: Unjudged | None = None
     nees: NeesSums | None = None
-    calibration: Calibration | None = None
+    calibration: records.Calibration | None = None
     settings_file: SettingsFile | None = None
     tracked_shares: TrackedShares = TrackedShares()
 
@@ -315,7 +298,7 @@ class Evaluation(ABC):
         """Whether the assignment is proven to be the only best one; None if that is not known."""
 
     @property
-    def summary(self) -> Json:
+    def summary(self) -> records.Json:
         """Numbers of tracking of the reported assignment (docs/reference/summary.md).
 
         ``unique`` says whether that is proven to be the only best one: else another one may have
@@ -351,14 +334,14 @@ class Evaluation(ABC):
 
     def parameters_in_words(self, unit: str | None = None) -> str:
         """Cutoff, order, switch penalty, and what makes it another metric of the family."""
-        return self.proof.parameters.in_words(unit) + members_in_words(self.settings)
+        return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
     def judged(self) -> dict[str, object]:
         """What the value was judged on: the horizon, and the truth that counts."""
         return self.evaluated_on.record()
 
-    def table(self, name: str) -> Columns:
+    def table(self, name: str) -> records.Columns:
         """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
         ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
@@ -370,23 +353,23 @@ class Evaluation(ABC):
             There is no such table.
         """
         if name in ("per_step", "curve", "windows", "per_class"):
-            made: Columns = getattr(self, f"_{name}")()
+            made: records.Columns = getattr(self, f"_{name}")()
             return made
         if name in ("assignments", "switches", "per_truth", "per_estimate"):
             return self._of_tracks(name)
         raise ConfigError(f"no table {quoted(name)}; see Result.table")
 
     @abstractmethod
-    def _of_tracks(self, name: str) -> Columns:
+    def _of_tracks(self, name: str) -> records.Columns:
         """``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
-    def _per_step(self) -> Columns:
+    def _per_step(self) -> records.Columns:
         """Cost of each step by kind."""
-        costs = step_columns(self.proof.breakdown, self.scale)
+        costs = records.step_columns(self.proof.breakdown, self.scale)
         ignored = {} if self.unjudged is None else vars(self.unjudged)
-        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(ignored)
+        return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
 
-    def _curve(self) -> Columns:
+    def _curve(self) -> records.Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
 
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
@@ -397,13 +380,13 @@ class Evaluation(ABC):
             return {}
         steps = self.evaluated_on.so_far
         each = np.maximum(steps, 1)
-        table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
+        table: records.Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
         table |= self._rooted(traced, each)
-        for name, cost in zip(PARTS, traced.parts, strict=True):
+        for name, cost in zip(records.PARTS, traced.parts, strict=True):
             table[name] = (self.scale * cost / each).tolist()
         return table
 
-    def _windows(self) -> Columns:
+    def _windows(self) -> records.Columns:
         """The sliding windows: no columns if they were not asked for.
 
         Of each window the metric by itself with its bounds and the parts of its cost, and
@@ -414,21 +397,21 @@ class Evaluation(ABC):
             return {}
         times = self.labels.times
         steps = self.evaluated_on.so_far[slid.last] - self.evaluated_on.before[slid.first]
-        table: Columns = {
+        table: records.Columns = {
             "t_first": [times[k] for k in slid.first.tolist()],
             "t_last": [times[k] for k in slid.last.tolist()],
             "steps": steps.tolist(),
         }
         table |= self._rooted(slid, np.ones(len(steps)))
         table["normalised"] = self._rooted(slid, np.maximum(steps, 1))["tgospa"]
-        for name, cost in zip(PARTS, slid.parts, strict=True):
+        for name, cost in zip(records.PARTS, slid.parts, strict=True):
             table[name] = (self.scale * cost).tolist()
         return table
 
-    def _rooted(self, found: Brackets, each: Floats | Ints) -> Columns:
+    def _rooted(self, found: Brackets, each: Floats | Ints) -> records.Columns:
         """The metric of costs that are divided by `each`, and its bounds."""
         power = 1 / self.proof.parameters.order
-        table: Columns = {}
+        table: records.Columns = {}
         for name, cost, sign in (
             ("tgospa", found.parts.sum(axis=0), 0),
             ("lower_bound", found.lower, -1),
@@ -438,19 +421,19 @@ class Evaluation(ABC):
             table[name] = (value * (1 + sign * (2 * POWER + self.proof.root_error(cost)))).tolist()
         return table
 
-    def first_switches(self, most: int) -> tuple[Columns, int]:
+    def first_switches(self, most: int) -> tuple[records.Columns, int]:
         """The first rows of the table of switches, so many at most, and how many it has."""
         table = self.table("switches")
         return {name: column[:most] for name, column in table.items()}, len(table["t"])
 
-    def _per_class(self) -> Columns:
+    def _per_class(self) -> records.Columns:
         """Value and costs of each class, where they were evaluated apart; else no columns."""
         return {}
 
-    def worst(self, count: int = 5) -> Columns:
+    def worst(self, count: int = 5) -> records.Columns:
         """The `count` costliest steps, truths and estimates, in order, free ones left out."""
         per_step = self.table("per_step")
-        answer = {"steps": costliest(per_step["t"], np.array(per_step["total"]), count)}
+        answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):
             answer[name] = self._worst_tracks(kind, count)
         return answer
@@ -458,13 +441,13 @@ class Evaluation(ABC):
     def _worst_tracks(self, kind: str, count: int) -> list[str]:
         table = self.table("per_truth" if kind == "missed" else "per_estimate")
         cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
-        return costliest(table["id"], np.asarray(cost), count)
+        return records.costliest(table["id"], np.asarray(cost), count)
 
-    def to_dict(self) -> Json:
+    def to_dict(self) -> records.Json:
         """The JSON document as plain Python values."""
-        curve = {} if self.traced is None else {"curve": records(self.table("curve"))}
+        curve = {} if self.traced is None else {"curve": records.records(self.table("curve"))}
         if self.slid is not None:
-            curve["windows"] = records(self.table("windows"))
+            curve["windows"] = records.records(self.table("windows"))
         return {
             **self.split_parts,
             **curve,
@@ -482,17 +465,17 @@ class Evaluation(ABC):
             **settings_field(self.settings_file),
         }
 
-    def _records(self) -> Json:
+    def _records(self) -> records.Json:
         """What has a record for each step, and for each switch."""
         return {
-            "per_step": records(self.table("per_step")),
-            "switches": records(self.table("switches")),
+            "per_step": records.records(self.table("per_step")),
+            "switches": records.records(self.table("switches")),
         }
 
     @property
     def split_parts(self) -> dict[str, float]:
         """Those parts of localisation that there are."""
-        found = {name: getattr(self, name) for name in SPLIT_PARTS}
+        found = {name: getattr(self, name) for name in records.SPLIT_PARTS}
         return {name: part for name, part in found.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
@@ -516,7 +499,7 @@ class Evaluation(ABC):
             **{name: float(getattr(self, name)) for name in names},
             **scored,
             **({} if self.nees is None else self.nees.numbers()),
-            **_dotted(groups),
+            **dotted(groups),
             **self.other_numbers,
             **dict(flat(self.summarised.numbers)),
         }
@@ -524,11 +507,11 @@ class Evaluation(ABC):
     @property
     def other_numbers(self) -> dict[str, float]:
         """Those of them that are of other metrics."""
-        return _dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
+        return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
-        self, false_targets: float | None = None, score: float = USUAL_SCORE
-    ) -> Similarity:
+        self, false_targets: float | None = None, score: float = records.USUAL_SCORE
+    ) -> records.Similarity:
         """A score from 0 to 1 of the value per step: 1 is perfect.
 
         Parameters
@@ -551,7 +534,7 @@ class Evaluation(ABC):
         """
         calibration = self.calibration
         if false_targets is not None:
-            calibration = Calibration(false_targets=false_targets, score=score)
+            calibration = records.Calibration(false_targets=false_targets, score=score)
         if calibration is None:
             raise ConfigError("similarity: say how many false targets at each step score 0.1")
         if "step_weights" in self.settings:
@@ -568,7 +551,7 @@ class Evaluation(ABC):
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""
-        return json_text(self.to_dict())
+        return records.json_text(self.to_dict())
 
     def quantity(self, value: float, digits: int = 6) -> str:
         """A value in words, with the unit of the states."""
@@ -600,13 +583,13 @@ class Evaluation(ABC):
             return f"TGOSPA = {value}"
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
-    per_step = _frame("per_step", "Cost of each step by kind.")
-    curve = _frame("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
-    windows = _frame("windows", "Sliding windows, if they were asked for.")
-    switches = _frame("switches", "Changes of each truth's assignment.")
-    assignments = _frame("assignments", "Pairs that both exist, are near, and are assigned.")
-    per_truth = _frame("per_truth", "Steps, costs and counts of each truth.")
-    per_estimate = _frame("per_estimate", "Steps, costs and counts of each estimate.")
+    per_step = frame_of("per_step", "Cost of each step by kind.")
+    curve = frame_of("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
+    windows = frame_of("windows", "Sliding windows, if they were asked for.")
+    switches = frame_of("switches", "Changes of each truth's assignment.")
+    assignments = frame_of("assignments", "Pairs that both exist, are near, and are assigned.")
+    per_truth = frame_of("per_truth", "Steps, costs and counts of each truth.")
+    per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 
     def frame(self, name: str) -> "pd.DataFrame":
         """A table as a DataFrame."""
@@ -615,7 +598,7 @@ class Evaluation(ABC):
         return pd.DataFrame(self.table(name))
 
 
-def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Numbers of several groups in one dict, with a dot between the names."""
     return {
         f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()

@@ -20,39 +20,11 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
+from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.show.rendering import (
-    MOST_NAMED,
-    SPLIT_NOTE,
-    Document,
-    Table,
-    equal_names,
-    first_names,
-    order_in_words,
-    parameters_of,
-    place_in_words,
-    rendered,
-)
-from tgospa_eval.show.result_text import (
-    about_slices,
-    covariances_table,
-    direction,
-    group_tables,
-    grouped_table,
-    other_records,
-)
-from tgospa_eval.show.study_table import (
-    INTERVAL,
-    NARROW,
-    StudyRow,
-    costs_table,
-    fixed,
-    study_caption,
-    study_table,
-    value_name,
-)
+from tgospa_eval.show import rendering, result_text, study_table
 from tgospa_eval.show.style import HEAT_LEVELS
 from tgospa_eval.show.time_axis import TimeAxis
 from tgospa_eval.text import listed, option
@@ -289,7 +261,7 @@ class Ranking:
     @property
     def value(self) -> str:
         """The name of what they are ranked by."""
-        return value_name(self.order, self.jobs)
+        return study_table.value_name(self.order, self.jobs)
 
     @property
     def p_values(self) -> list[float | None]:
@@ -302,8 +274,8 @@ class Ranking:
 
     def place(self, entry: Json) -> str:
         """The proven place of an entry in words."""
-        return place_in_words(
-            *entry["place"], shared=entry["name"] in equal_names(self.comparisons)
+        return rendering.place_in_words(
+            *entry["place"], shared=entry["name"] in rendering.equal_names(self.comparisons)
         )
 
     def total(self, entry: Json) -> Interval:
@@ -368,7 +340,9 @@ class BatchTables:
     @property
     def value(self) -> str:
         """The name of the value per step."""
-        return value_name(self.order, int(self.groups["jobs"].max()) if len(self.groups) else 0)
+        return study_table.value_name(
+            self.order, int(self.groups["jobs"].max()) if len(self.groups) else 0
+        )
 
     @property
     def heads(self) -> dict[str, str]:
@@ -410,7 +384,7 @@ class BatchTables:
 
     def between(self, value: Interval, digits: int = 6) -> str:
         """A value, or both ends where they differ."""
-        if value.upper - value.lower <= NARROW * value.upper:
+        if value.upper - value.lower <= study_table.NARROW * value.upper:
             return self.quantity(value.upper, digits)
         return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
 
@@ -598,15 +572,9 @@ def heat_of(
         place = item["_row"], item["_column"]
         has = item["jobs"] > item["failed"]
         bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
-        cells[place] = {
-            "value": bounds,
-            "text": "failed" if bounds is None else fixed(bounds, most),
-            "jobs": item["jobs"],
-            "failed": item["failed"],
-            "level": item["level"],
-            "link": links.get(place, ""),
-            "best": False,
-        }
+        text = "failed" if bounds is None else study_table.fixed(bounds, most)
+        cells[place] = {"value": bounds, "text": text, "link": links.get(place, ""), "best": False}
+        cells[place] |= {name: item[name] for name in ("jobs", "failed", "level")}
     names = [name for name in names if name in kept]
     table = [[cells.get((name, column)) for column in shown] for name in names]
     for row in table if len(shown) > 1 else ():
@@ -632,9 +600,9 @@ def heat_of(
 # Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
 
 
-def slice_tables(tables: BatchTables) -> Iterator[Table]:
+def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     """Costs of the groups split by attributes, where that was asked for."""
-    yield from group_tables(list(tables.heads.values()), list(_named_slices(tables)))
+    yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
@@ -657,7 +625,9 @@ def slices_of_groups(tables: BatchTables) -> Columns:
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
     """What slices are, where there are some."""
-    yield from about_slices([one for slicings in tables.slices.values() for one in slicings])
+    yield from result_text.about_slices(
+        [one for slicings in tables.slices.values() for one in slicings]
+    )
 
 
 # -------------------------------------------------------------------------------------------------
@@ -732,14 +702,14 @@ def _plain(name: str, value: Any) -> Any:
     return list(value) if THRESHOLDS in name else value
 
 
-def document(tables: BatchTables) -> Document:
+def document(tables: BatchTables) -> rendering.Document:
     """The tables by groups and the rankings, with what they are."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
-    return Document(
+    return rendering.Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
         lines=[
-            *filter(None, [parameters_of(_parameters(tables))]),
+            *filter(None, [rendering.parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
             *filter(_warns, tables.notes),
         ],
@@ -762,7 +732,7 @@ def of_expected(jobs: int, expected: int) -> str:
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
-def study_tables(tables: BatchTables) -> Iterator[Table]:
+def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     """The table of the study, with the costs of a run; and of rankings on fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
@@ -770,18 +740,14 @@ def study_tables(tables: BatchTables) -> Iterator[Table]:
     groups.sort(key=lambda row: rank.get(_group_key(tables, row), len(rank)))
     rows = [_study_row(tables, row, places) for row in groups]
     title, rivals = tables.value, _rivals(tables, groups)
-    caption = study_caption(title, _parameters(tables))
-    yield study_table(rows, heads, rivals, title, tables.columns, caption)
-    yield costs_table(rows, heads, rivals, caption)
-    own = [
-        (ranking, entry, p_value)
-        for ranking in tables.rankings
-        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
-    ]
+    caption = study_table.study_caption(title, _parameters(tables))
+    yield study_table.study_table(rows, heads, rivals, title, tables.columns, caption)
+    yield study_table.costs_table(rows, heads, rivals, caption)
+    own = list(_ranked(tables))
     if own and not places:
-        yield study_table(
+        yield study_table.study_table(
             [
-                StudyRow(
+                study_table.StudyRow(
                     names=(entry["name"], *map(value_in_words, ranking.parameters.values())),
                     jobs=of_expected(ranking.jobs, ranking.all_jobs),
                     steps=1.0,
@@ -808,47 +774,47 @@ def _group_key(tables: BatchTables, row: Mapping[Hashable, Any]) -> GroupKey:
     return tuple(row[name] for name in tables.heads)
 
 
-def _places(tables: BatchTables) -> dict[GroupKey, tuple[Ranking, Json, float | None]]:
+Ranked = tuple[Ranking, Json, float | None]
+"""A ranking, one of its entries, and the p value of that."""
+
+
+def _ranked(tables: BatchTables) -> Iterator[Ranked]:
+    """The entries of all rankings, best first."""
+    for ranking in tables.rankings:
+        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True):
+            yield ranking, entry, p_value
+
+
+def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
     """Of each group that is ranked on all its jobs the ranking, best first, entry, and p value."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
-    return {
-        (entry["name"], *ranking.parameters.values()): (ranking, entry, p_value)
-        for ranking in tables.rankings
-        for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True)
-    }
+    return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
 
 
 def _study_row(
     tables: BatchTables,
     row: Mapping[Hashable, Any],
-    places: Mapping[GroupKey, tuple[Ranking, Json, float | None]],
-) -> StudyRow:
+    places: Mapping[GroupKey, Ranked],
+) -> study_table.StudyRow:
     jobs = max(int(row["jobs"]), 1)
     order = float(row["order"]) if "order" in row else tables.order or 1.0
     ranking, entry, p_value = places.get(_group_key(tables, row), (None, {}, None))
-    ends = (
-        float(row["per_step_confidence_lower"]),
-        float(row["per_step_confidence_upper"]),
-    )
-    metrics = next(other_records([row]))
-    return StudyRow(
+    sure = interval(row, "per_step_confidence")
+    metrics = next(result_text.other_records([row]))
+    return study_table.StudyRow(
         names=tables.named(row),
         jobs=of_expected(int(row["jobs"]), int(row["expected"])),
         steps=max(float(row["judged.steps"]) / jobs, 1.0),
         order=order,
         total=interval(row, "total").scaled(1 / jobs),
         costs={part: float(row[part]) / jobs for part in PARTS},
-        confidence=ends if ends[0] == ends[0] else None,
+        confidence=(sure.lower, sure.upper) if sure.lower == sure.lower else None,
         place=ranking.place(entry) if ranking else "",
         p=p_value,
         mean_of_roots=row.get("mean_of_roots"),
         numbers={
-            **{
-                f"{key}.{name}": value
-                for key, own in metrics.items()
-                for name, value in own.items()
-            },
+            **dotted(metrics),
             **{str(k): v for k, v in row.items() if str(k).startswith(f"{SUMMARY}.") and v == v},
             **({"gospa.total": metrics["gospa"]["total"] / jobs} if "gospa" in metrics else {}),
         },
@@ -877,15 +843,15 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
     return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
 
 
-def other_tables(tables: BatchTables) -> Iterator[Table]:
+def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    found = list(other_records(rows))
-    yield from grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
+    found = list(result_text.other_records(rows))
+    yield from result_text.grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
     nees = [NeesSums.of_row(row) for row in rows]
     items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
-    yield from covariances_table(tuple(heads.values()), names, items)
+    yield from result_text.covariances_table(tuple(heads.values()), names, items)
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
@@ -900,7 +866,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if ranking.jobs < ranking.all_jobs:
         all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
         jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
+    yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
@@ -909,7 +875,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
         yield f"{begin}: {first[0]} is significantly better than all others"
     else:
-        top = first_names([[name] for name in first])
+        top = rendering.first_names([[name] for name in first])
         yield f"{begin}: no significant difference at the top between {top}"
 
 
@@ -952,17 +918,17 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     if tables.rankings:
         yield "the order and places are proven by the brackets, on these files"
     if opened:
-        yield SPLIT_NOTE
+        yield rendering.SPLIT_NOTE
     for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
         yield (
             f"p, for {others} drawn as these were: of the difference to the best, by a two-sided "
             "permutation test, adjusted for all pairs (Holm), significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
-        yield f"{INTERVAL}: of {title}, by Student's t and the jackknife"
+        yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
-            names = listed(ranking.left_out, MOST_NAMED)
+            names = listed(ranking.left_out, rendering.MOST_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
@@ -974,12 +940,12 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 def about_others(tables: BatchTables) -> Iterator[str]:
     """What other metrics are, where they were asked for."""
-    found = next(other_records(_with_values(tables)), {})
+    found = next(result_text.other_records(_with_values(tables)), {})
     if found:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
-        yield from direction(found)
+        yield from result_text.direction(found)
 
 
 def batch_report(tables: BatchTables, format: str) -> str:
     """What ``--format`` prints."""
-    return rendered(format, tables, document, batch_json, batch_columns)
+    return rendering.rendered(format, tables, document, batch_json, batch_columns)

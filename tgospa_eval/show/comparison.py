@@ -10,48 +10,11 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
+from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.results.sweep import Point, SweepEvaluation
-from tgospa_eval.show.rendering import (
-    EXACT,
-    LETTERS,
-    ORDERS,
-    PART_HEADS,
-    PROOFS,
-    RULES,
-    SPLIT_NOTE,
-    TO_RANK,
-    TO_STUDY,
-    Document,
-    Table,
-    as_markdown,
-    columns,
-    equal_names,
-    error_of,
-    or_dash,
-    order_in_words,
-    parameters_of,
-    place_in_words,
-    rendered,
-    size_of,
-    table_of,
-    unit_of,
-)
-from tgospa_eval.show.result_text import (
-    covariances_table,
-    direction,
-    grouped_table,
-    other_columns,
-)
-from tgospa_eval.show.study_table import (
-    INTERVAL,
-    StudyRow,
-    costs_table,
-    study_caption,
-    study_table,
-    value_name,
-)
+from tgospa_eval.show import rendering, result_text, study_table
 
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
@@ -59,18 +22,18 @@ TIES = (
 )
 
 
-def estimates_document(document: Json, asked: Sequence[str] = ()) -> Document:
+def estimates_document(document: Json, asked: Sequence[str] = ()) -> rendering.Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it.
 
     `asked` are columns of the table.
     """
-    return Document(
+    return rendering.Document(
         kind=_what(document),
         title=_order(document),
         lines=[
             *_warned(document, of_order=True),
             _runs(document),
-            parameters_of(document["parameters"]),
+            rendering.parameters_of(document["parameters"]),
         ],
         tables=[
             *_study_tables(document, asked),
@@ -92,59 +55,61 @@ def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
 def estimates_columns(document: Json) -> Columns:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
-    table = columns(items, ["name"])
+    table = rendering.columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
         table[f"place_{end}"] = [item["place"][k] for item in items]
     per_step = [item["normalised"] for item in items]
-    table |= columns(per_step, per_step[0], "normalised_")
-    table |= columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
-    table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
+    table |= rendering.columns(per_step, per_step[0], "normalised_")
+    table |= rendering.columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
+    table |= rendering.columns([item["counts"] for item in items], items[0]["counts"], "count_")
     if all(item.get(NEES) for item in items):
-        table |= columns([item[NEES] for item in items], ("mean", "anees", "inside"), "nees_")
+        table |= rendering.columns(
+            [item[NEES] for item in items], ("mean", "anees", "inside"), "nees_"
+        )
     if all(MEAN in item and SPREAD in item for item in items):
-        table |= columns(items, (MEAN, SPREAD))
+        table |= rendering.columns(items, (MEAN, SPREAD))
     steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
     if steps:
         table["gospa_total"] = [step["total"] for step in steps]
-        for rule in RULES:
+        for rule in rendering.RULES:
             names = ("switches", "halves", "total", "mean")
-            table |= columns([step[rule] for step in steps], names, f"{rule}_")
-    return table | other_columns([item.get("with", {}) for item in items])
+            table |= rendering.columns([step[rule] for step in steps], names, f"{rule}_")
+    return table | result_text.other_columns([item.get("with", {}) for item in items])
 
 
 def pairs_columns(document: Json) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    table = columns(pairs, ("first", "second", "verdict"))
+    table = rendering.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
-    table |= columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
-    table |= columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
+    table |= rendering.columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
+    table |= rendering.columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
     names = ("mean", "standard_error", "first_less", "second_less")
-    return table | columns([pair["per_run"] for pair in pairs], names, "per_run_")
+    return table | rendering.columns([pair["per_run"] for pair in pairs], names, "per_run_")
 
 
 def _order(document: Json) -> str:
-    estimates, unit = document["estimates"], unit_of(document["parameters"])
+    estimates, unit = document["estimates"], rendering.unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
-        value = _between(item["lower_bound"], item["tgospa"])
+        value = rendering.between(item["lower_bound"], item["tgospa"], ".6g")
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    value = value_name(document["parameters"]["order"], document["runs"])
-    return order_in_words(value, estimates, document["pairs"])
+    value = study_table.value_name(document["parameters"]["order"], document["runs"])
+    return rendering.order_in_words(value, estimates, document["pairs"])
 
 
 def _what(document: Json) -> str:
     """What this is, and what to type for what it is not."""
     count = len(document["estimates"])
     if count > 1:
-        return f"Ranking of {count} estimates; {TO_STUDY}"
+        return f"Ranking of {count} estimates; {rendering.TO_STUDY}"
     if document["estimates"][0]["per_step_gospa"] is not None:
-        return f"TGOSPA beside per-step GOSPA for one estimate; {TO_RANK}"
+        return f"TGOSPA beside per-step GOSPA for one estimate; {rendering.TO_RANK}"
     if document["runs"] == 1:
-        return f"TGOSPA beside other metrics for one estimate; {TO_RANK}"
-    return f"Mean over the runs of one estimate; {TO_RANK}"
+        return f"TGOSPA beside other metrics for one estimate; {rendering.TO_RANK}"
+    return f"Mean over the runs of one estimate; {rendering.TO_RANK}"
 
 
 def _runs(document: Json) -> str:
@@ -164,13 +129,13 @@ def _runs(document: Json) -> str:
     )
 
 
-def study_rows(document: Json) -> list[StudyRow]:
+def study_rows(document: Json) -> list[study_table.StudyRow]:
     """A row for each estimate, best first."""
     items, pairs = document["estimates"], document["pairs"]
-    equal, first = equal_names(pairs), items[0]["name"]
+    equal, first = rendering.equal_names(pairs), items[0]["name"]
     p_values = {pair["second"]: pair["p_holm"] for pair in pairs if pair["first"] == first}
     return [
-        StudyRow(
+        study_table.StudyRow(
             names=(item["name"],),
             jobs=f"{document['runs']:,}",
             steps=sum(document["steps"]) / document["runs"],
@@ -178,59 +143,52 @@ def study_rows(document: Json) -> list[StudyRow]:
             total=Interval(lower=item["total_lower"], upper=item["total"]),
             costs={part: item[part] for part in PARTS},
             confidence=item["confidence"],
-            place=place_in_words(*item["place"], shared=item["name"] in equal) if pairs else "",
+            place=rendering.place_in_words(*item["place"], shared=item["name"] in equal)
+            if pairs
+            else "",
             p=p_values.get(item["name"], nan) if item["confidence"] and pairs else None,
-            numbers=item[SUMMARY]
-            | {
-                f"{key}.{name}": value
-                for key, own in item.get("with", {}).items()
-                for name, value in own.items()
-            },
+            numbers=item[SUMMARY] | dotted(item.get("with", {})),
         )
         for item in items
     ]
 
 
-def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[Table]:
+def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[rendering.Table]:
     """The table of the study, and below differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
-    title = value_name(document["parameters"]["order"], document["runs"])
-    caption = study_caption(title, document["parameters"])
-    yield study_table(rows, ("estimate",), rivals, title, asked, caption)
+    title = study_table.value_name(document["parameters"]["order"], document["runs"])
+    caption = study_table.study_caption(title, document["parameters"])
+    yield study_table.study_table(rows, ("estimate",), rivals, title, asked, caption)
     yield from _pair_tables(document)
-    yield costs_table(rows, ("costs",), rivals, caption)
-    yield from _covariances(document["estimates"])
+    yield study_table.costs_table(rows, ("costs",), rivals, caption)
+    names = [row.names for row in rows]
+    yield from result_text.covariances_table(("covariances",), names, document["estimates"])
 
 
-def _covariances(estimates: list[Json]) -> Iterator[Table]:
-    names = [(item["name"],) for item in estimates]
-    return covariances_table(("covariances",), names, estimates)
-
-
-def _pair_tables(document: Json) -> Iterator[Table]:
+def _pair_tables(document: Json) -> Iterator[rendering.Table]:
     """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
-    head = ("cost/step", "order", *PART_HEADS, "steps -/+", "runs -/+")
-    columns = len(head) + (document["runs"] > 1)
+    head = ("cost/step", "order", *rendering.PART_HEADS, "steps -/+", "runs -/+")
+    width = len(head) + (document["runs"] > 1)
     rows = []
     for pair in pairs:
         difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
         low, high = difference["total"]
         cells = (
-            "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
-            ORDERS[pair["verdict"]],
+            "+0" if pair["verdict"] == "equal" else rendering.between(low, high, "+.6g"),
+            rendering.ORDERS[pair["verdict"]],
             *(f"{difference[name]:+.3g}" for name in PARTS),
             f"{steps['better']}/{steps['worse']}",
             f"{runs['second_less']}/{runs['first_less']}",
         )
-        rows.append((pair["second"], *cells)[:columns])
-    yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
+        rows.append((pair["second"], *cells)[:width])
+    yield rendering.Table(head=(f"vs {first}", *head)[:width], rows=rows)
 
 
-def _against_tables(document: Json) -> Iterator[Table]:
+def _against_tables(document: Json) -> Iterator[rendering.Table]:
     """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
@@ -241,11 +199,11 @@ def _against_tables(document: Json) -> Iterator[Table]:
         name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
         rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
         rows.append((f"{name}GOSPA, summed", step["total"], None, None))
-        for rule, title in RULES.items():
+        for rule, title in rendering.RULES.items():
             found = step[rule]
             rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
     names, totals, counts, means = zip(*rows, strict=True)
-    yield table_of(
+    yield rendering.table_of(
         {
             "sum over steps of values^p": names,
             "total": [number(total) for total in totals],
@@ -256,11 +214,11 @@ def _against_tables(document: Json) -> Iterator[Table]:
     )
 
 
-def _other_tables(document: Json) -> Iterator[Table]:
+def _other_tables(document: Json) -> Iterator[rendering.Table]:
     items = document["estimates"]
     names = [(item["name"],) for item in items]
     found = [item.get("with", {}) for item in items]
-    yield from grouped_table(("others",), names, found, [range(len(items))])
+    yield from result_text.grouped_table(("others",), names, found, [range(len(items))])
 
 
 def _ranking_notes(document: Json) -> Iterator[str]:
@@ -272,66 +230,63 @@ def _ranking_notes(document: Json) -> Iterator[str]:
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
         found = {pair["verdict"] for pair in document["pairs"]}
-        title = value_name(document["parameters"]["order"], document["runs"])
+        title = study_table.value_name(document["parameters"]["order"], document["runs"])
         if estimates[0]["confidence"]:
             yield (
-                f"{title} and its {INTERVAL} over {counted(document['runs'], 'run')}: by Student's "
-                "t and the jackknife; p of the difference to the best: by a two-sided permutation "
-                "test, adjusted for all pairs (Holm), significant below 0.05"
+                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: "
+                "by Student's t and the jackknife; p of the difference to the best: by a two-sided "
+                "permutation test, adjusted for all pairs (Holm), significant below 0.05"
             )
         yield "; ".join(
             [
-                *(text for verdict, text in PROOFS.items() if verdict in found),
+                *(text for verdict, text in rendering.PROOFS.items() if verdict in found),
                 "steps -/+: at how many the estimate costs less or more than the first",
             ]
         )
-    yield SPLIT_NOTE
+    yield rendering.SPLIT_NOTE
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence
     if estimates[0]["per_step_gospa"] is not None:
         yield TIES
-    yield from direction(estimates[0].get("with", {}))
-
-
-def _between(low: float, high: float, sign: str = "") -> str:
-    """One number if both are the same as they are shown, else both."""
-    texts = [f"{value:{sign}.6g}" for value in (low, high)]
-    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+    yield from result_text.direction(estimates[0].get("with", {}))
 
 
 # -------------------------------------------------------------------------------------------------
 # Solvers compared on one estimate, as a document and as a table.
 
 
-def solvers_document(document: Json) -> Document:
+def solvers_document(document: Json) -> rendering.Document:
     """One problem through several solvers."""
     runs = document["runs"]
-    return Document(
-        kind=f"Comparison of solvers; {TO_RANK}",
+    return rendering.Document(
+        kind=f"Comparison of solvers; {rendering.TO_RANK}",
         title=_agreement(document),
-        lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
+        lines=[
+            rendering.size_of(document["sizes"]),
+            rendering.parameters_of(document["parameters"]),
+        ],
         tables=[
-            table_of(
+            rendering.table_of(
                 {
                     "run": [run["name"] for run in runs],
-                    "TGOSPA": [or_dash(run["tgospa"], ".9g") for run in runs],
-                    "lower bound": [or_dash(run["lower_bound"], ".9g") for run in runs],
-                    "error": [error_of(run["error"]) for run in runs],
-                    "bound's error": [error_of(run["lower_error"]) for run in runs],
-                    "iterations": [or_dash(run["iterations"], "d") for run in runs],
+                    "TGOSPA": [rendering.or_dash(run["tgospa"], ".9g") for run in runs],
+                    "lower bound": [rendering.or_dash(run["lower_bound"], ".9g") for run in runs],
+                    "error": [rendering.error_of(run["error"]) for run in runs],
+                    "bound's error": [rendering.error_of(run["lower_error"]) for run in runs],
+                    "iterations": [rendering.or_dash(run["iterations"], "d") for run in runs],
                 }
             ),
             *_entropic_tables(runs),
-            table_of(
+            rendering.table_of(
                 {
                     "seconds": [run["name"] for run in runs],
                     **{
-                        stage: [or_dash(value, ".4f") for value in values]
+                        stage: [rendering.or_dash(value, ".4f") for value in values]
                         for stage, values in _stages(runs).items()
                     },
                     "MB": [
-                        or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
+                        rendering.or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
                         for used in (run["memory"] for run in runs)
                     ],
                 }
@@ -349,7 +304,7 @@ def solvers_columns(document: Json) -> Columns:
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
         *("lower_error", *PARTS, "iterations", "status", "finished"),
     )
-    table = columns(runs, names)
+    table = rendering.columns(runs, names)
     for name in ENTROPIC:
         table[f"entropic_{name}"] = [run["entropic"] and run["entropic"][name] for run in runs]
     table |= {f"{stage}_seconds": values for stage, values in _stages(runs).items()}
@@ -359,7 +314,7 @@ def solvers_columns(document: Json) -> Columns:
 
 
 def _agreement(document: Json) -> str:
-    referee, unit = document["referee"], unit_of(document["parameters"])
+    referee, unit = document["referee"], rendering.unit_of(document["parameters"])
     if not document["agree"]:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
         return (
@@ -391,18 +346,18 @@ def _solver_notes(document: Json) -> Iterator[str]:
 ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation")
 
 
-def _entropic_tables(runs: Sequence[Json]) -> Iterator[Table]:
+def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
     """The value of the regularised problem, where a run has one."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, found = zip(*named, strict=True)
-        yield table_of(
+        yield rendering.table_of(
             {
                 "entropic": names,
                 "value": [f"{value['dual']:.7g}" for value in found],
-                "error": [error_of(value["error"]) for value in found],
+                "error": [rendering.error_of(value["error"]) for value in found],
                 "cost alone": [f"{value['cost']:.7g}" for value in found],
-                "its error": [error_of(value["cost_error"]) for value in found],
+                "its error": [rendering.error_of(value["cost_error"]) for value in found],
                 "sweeps": [str(value["sweep"]) for value in found],
             }
         )
@@ -436,9 +391,9 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 # A scaling study, as a document, a report and a table.
 
 
-def study_document(document: Json) -> Document:
+def study_document(document: Json) -> rendering.Document:
     """Solvers on synthetic scenes of many sizes."""
-    return Document(
+    return rendering.Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
         lines=list(_study_lines(document)),
@@ -453,7 +408,7 @@ def study_report(document: Json, pictures: Iterable[str]) -> str:
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
     )
-    return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
+    return f"# Scaling study\n\n{rendering.as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
 
@@ -520,36 +475,37 @@ def _study_lines(document: Json) -> Iterator[str]:
         f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
         f"seed {document['seed']}"
     )
-    yield parameters_of(document["parameters"])
+    yield rendering.parameters_of(document["parameters"])
     yield document["machine"]
 
 
-def _times_table(document: Json) -> Table:
+def _times_table(document: Json) -> rendering.Table:
     """Time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
             where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
-            spent = or_dash(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
-            error = error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
-            iterations = or_dash(made["iterations"]["mean"], ".0f")
-            below = error_of(made["lower_error"]["mean"])
+            spent = (
+                rendering.or_dash(made["seconds"]["mean"], ".3g"),
+                _deviation(made["seconds"], ".2g"),
+            )
+            error = rendering.error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
+            iterations = rendering.or_dash(made["iterations"]["mean"], ".0f")
+            below = rendering.error_of(made["lower_error"]["mean"])
             rows.append((made["name"], *where, *spent, *error, below, iterations))
-    return Table(
+    return rendering.Table(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
     )
 
 
-def _rms_table(document: Json) -> Table:
+def _rms_table(document: Json) -> rendering.Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
-    columns = {
-        f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]
-    }
+    table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
     for head, name in zip(("TGOSPA", *PARTS), ("tgospa", *PARTS), strict=True):
-        columns[head] = [or_dash(size["normalised"][name], ".5g") for size in sizes]
-    return table_of(columns)
+        table[head] = [rendering.or_dash(size["normalised"][name], ".5g") for size in sizes]
+    return rendering.table_of(table)
 
 
 def _study_notes(document: Json) -> Iterator[str]:
@@ -558,7 +514,7 @@ def _study_notes(document: Json) -> Iterator[str]:
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
         "+- one standard deviation over the runs"
     )
-    yield SPLIT_NOTE
+    yield rendering.SPLIT_NOTE
     for size in document["sizes"]:
         where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
         if size["left_out"]:
@@ -575,7 +531,7 @@ def _study_notes(document: Json) -> Iterator[str]:
 
 def _deviation(values: Json, form: str) -> str:
     value = values["deviation"]
-    return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
+    return "-" if value is None else ("0" if value < rendering.EXACT else f"{value:{form}}")
 
 
 COLUMNS = {
@@ -593,7 +549,7 @@ DOCUMENTS = {
 """Of each kind what people read."""
 
 
-def page(document: Json, asked: Sequence[str] = ()) -> Document:
+def page(document: Json, asked: Sequence[str] = ()) -> rendering.Document:
     """What people read, with where settings come from; `asked` are columns of its table."""
     made = DOCUMENTS[document["kind"]](document, *([asked] if asked else ()))
     if "settings_file" not in document:
@@ -605,32 +561,32 @@ def page(document: Json, asked: Sequence[str] = ()) -> Document:
 def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
     """What ``--format`` prints; `asked` are columns of the table of estimates."""
     made = partial(page, asked=asked)
-    return rendered(format, document, made, json_text, COLUMNS[document["kind"]])
+    return rendering.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
 
 # -------------------------------------------------------------------------------------------------
 # A sweep of a parameter.
 
 
-def sweep_document(found: SweepEvaluation) -> Document:
+def sweep_document(found: SweepEvaluation) -> rendering.Document:
     """A row for each value."""
     points = found.points
-    columns = {LETTERS[found.parameter]: [number(point.value) for point in points]}
+    table = {rendering.LETTERS[found.parameter]: [number(point.value) for point in points]}
     if not found.certified:
-        columns["lower bound"] = [number(point.lower_bound) for point in points]
-    columns["TGOSPA"] = [number(point.tgospa) for point in points]
-    columns["localisation"] = [number(point.localisation, 5) for point in points]
+        table["lower bound"] = [number(point.lower_bound) for point in points]
+    table["TGOSPA"] = [number(point.tgospa) for point in points]
+    table["localisation"] = [number(point.localisation, 5) for point in points]
     for part in COUNTED_PARTS:
-        columns[part] = [
+        table[part] = [
             f"{number(getattr(point, part), 5)} ({number(_count(point, part))})" for point in points
         ]
-    return Document(
+    return rendering.Document(
         title=_sweep_title(found),
         lines=[
-            f"{parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
+            f"{rendering.parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
             "costs, and in brackets how many of each:",
         ],
-        tables=[table_of(columns)],
+        tables=[rendering.table_of(table)],
         notes=list(_sweep_notes(found)),
         warnings=found.told,
     )
@@ -643,7 +599,7 @@ def _count(point: Point, part: str) -> float:
 
 def _sweep_title(found: SweepEvaluation) -> str:
     points = found.points
-    word, letter = found.parameter.replace("_", " "), LETTERS[found.parameter]
+    word, letter = found.parameter.replace("_", " "), rendering.LETTERS[found.parameter]
     first, last = (_quantity(found, k) for k in (0, -1))
     over = f"at {letter} = {first}"
     if len(points) > 1:
@@ -665,7 +621,7 @@ def _quantity(found: SweepEvaluation, k: int) -> str:
 
 def _sweep_notes(found: SweepEvaluation) -> Iterator[str]:
     """Where the counts do not depend on the parameter; of the best assignments only."""
-    letter = LETTERS[found.parameter]
+    letter = rendering.LETTERS[found.parameter]
     if len(found.points) < 2 or not found.certified:
         return
     for names in (COUNTED_PARTS[:2], COUNTED_PARTS[2:]):

@@ -62,7 +62,7 @@ class Kind:
     document: str
     names: Collection[str]
     log: str | None = None
-    opens: tuple[str, ...] = ()
+    opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
         """Whether the folder is one of this kind; what the log says is for its reader."""
@@ -89,7 +89,6 @@ RESULT = Kind(
         "report.html",
     ),
     log=WORK_LOG,
-    opens=("report.html",),
 )
 
 GEOJSON = "result.geojson"
@@ -100,26 +99,22 @@ SWEEP = Kind(
     name="sweep",
     document="sweep.json",
     names=("sweep.json", "sweep.csv", "report.html"),
-    opens=("report.html",),
 )
 ASSOCIATION = Kind(
     name="associate",
     document="report.html",
     names=("report.html", "associate.json", "associations.csv"),
-    opens=("report.html",),
 )
 COMPARISON = Kind(
     name="compare",
     document="compare.json",
     names=("compare.json", "compare.csv", "per_step.csv", "pairs.csv", "report.html"),
-    opens=("report.html",),
 )
 STUDY = Kind(
     name="study",
     document="compare.json",
     names=("compare.json", "compare.csv", "report.md", "report.html"),
     log=f"runs/{manifest.STORE}",
-    opens=("report.html",),
 )
 GATE = Kind(
     name="gate",
@@ -132,7 +127,6 @@ BATCH = Kind(
     document="report.html",
     names=("report.html", "curve.csv", "slices.csv"),
     log=manifest.STORE,
-    opens=("report.html",),
 )
 
 

@@ -26,43 +26,9 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import percent
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.batch import (
-    BANDS,
-    BatchTables,
-    Ranking,
-    about_others,
-    about_slices_of,
-    bracket,
-    of_expected,
-    other_tables,
-    parameters_in_words,
-    slice_tables,
-)
+from tgospa_eval.show import batch, rendering, result_text
 from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
-from tgospa_eval.show.rendering import (
-    ORDERS,
-    Document,
-    Table,
-    order_in_words,
-    place_in_words,
-)
-from tgospa_eval.show.result_text import (
-    SPLIT_WORDS,
-    about_slices,
-    association_text,
-    class_table,
-    meaning,
-    other_table,
-    part_rows,
-    repair_notes,
-    repair_table,
-    share,
-    shown_slices,
-    similarity,
-    similarity_in_words,
-    summary_of,
-)
 from tgospa_eval.show.study_table import NARROW
 from tgospa_eval.show.style import (
     DARK,
@@ -111,16 +77,12 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
         What truth and estimate are called, as the paths of their files.
     """
     drawn, repaired = plot_data(result), explanation_of(result)
-    return (
-        environment()
-        .get_template("page.html.j2")
-        .render(
-            **_values(result, names),
-            partitioned=isinstance(result, PartitionedResult),
-            repairs=[] if repaired is None else repair_table(result, repaired).rows,
-            repair_notes=[] if repaired is None else list(repair_notes(repaired)),
-            **_inside(drawn),
-        )
+    return template("page.html.j2").render(
+        **_values(result, names),
+        partitioned=isinstance(result, PartitionedResult),
+        repairs=[] if repaired is None else result_text.repair_table(result, repaired).rows,
+        repair_notes=[] if repaired is None else list(result_text.repair_notes(repaired)),
+        **_inside(drawn),
     )
 
 
@@ -135,11 +97,10 @@ def association_page(found: Pairing, names: tuple[str, str]) -> str:
         What the sides are called, as the paths of their files.
     """
     drawn = plot_data(found)
-    template = environment().get_template("association.html.j2")
-    return template.render(
+    return template("association.html.j2").render(
         names=list(map(as_unicode, names)),
         version=__version__,
-        lines=association_text(found, rows=False).splitlines(),
+        lines=result_text.association_text(found, rows=False).splitlines(),
         parts=[{"name": name} for name in drawn.document["parts"]],
         each={"tgospa": number(drawn.document["curve"]["total"][-1]) if drawn.steps else ""},
         distance=found.distance.name,
@@ -153,7 +114,6 @@ def _inside(drawn: PlotData) -> dict[str, object]:
     return {
         "data": drawn.document,
         "word": drawn.word,
-        "tracks": len(TRACK_COLOURS),
         "arrays": packed(drawn.arrays),
         "style": page_colours() + inlined("page.css"),
         "script": "".join(inlined(f"{name}.js") for name in SCRIPTS),
@@ -165,20 +125,18 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
-        "number": number,
-        "meaning": meaning(result),
+        "meaning": result_text.meaning(result),
         "nees": "" if result.nees is None else result.nees.in_words,
-        "score": "" if result.calibration is None else similarity_in_words(result),
+        "score": "" if result.calibration is None else result_text.similarity_in_words(result),
         "parts": _parts(result),
         "each": {name: result.quantity(value) for name, value in result.normalised.items()},
-        "classes": class_table(result),
-        "others": other_table(result.with_),
-        "similarity": list(similarity(result.with_)),
-        "shown_slices": shown_slices,
-        "percent": percent,
-        "share": share,
-        "about_slices": list(about_slices(result.sliced, certified=result.certified)),
-        "summary": Table(head=("", ""), rows=[*summary_of(result)], align="ll"),
+        "classes": result_text.class_table(result),
+        "others": result_text.other_table(result.with_),
+        "similarity": list(result_text.similarity(result.with_)),
+        "about_slices": list(result_text.about_slices(result.sliced, certified=result.certified)),
+        "summary": rendering.Table(
+            head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
+        ),
         "seconds": {
             k: v for k, v in _flat(result.timings, digits=3).items() if not k.startswith("nano")
         },
@@ -188,16 +146,43 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
     }
 
 
+USED_BY_TEMPLATES = {
+    "number": number,
+    "percent": percent,
+    "share": result_text.share,
+    "orders": rendering.ORDERS,
+    "shown_slices": result_text.shown_slices,
+    "of_expected": batch.of_expected,
+    "tracks": len(TRACK_COLOURS),
+    "levels": HEAT_LEVELS,
+    "all_parts": PARTS,
+}
+
+
 @cache
-def environment() -> jinja2.Environment:
-    """What makes pages of the templates: all text that is put into them is escaped."""
-    return jinja2.Environment(
+def template(name: str) -> jinja2.Template:
+    """What makes a page: all text that is put into it is escaped."""
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals |= USED_BY_TEMPLATES
+    return environment.get_template(name)
+
+
+def still_page(name: str, more_style: str = "", **values: object) -> str:
+    """A page without a script, from its template; `more_style` goes with the style of all pages."""
+    style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
+    return as_unicode(template(name).render(style=style, **values))
+
+
+def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
+    """Pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws any."""
+    made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
+    return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
 
 def inlined(name: str) -> str:
@@ -237,11 +222,15 @@ def page_colours() -> str:
 
 def _parts(result: Evaluation) -> list[dict[str, str]]:
     keys = ("name", "cost", "share", "count", "note")
-    rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
+    rows = [
+        dict(zip(keys, row, strict=True)) | {"split": ""} for row in result_text.part_rows(result)
+    ]
     rows[0]["note"] = DISTANCE
     if result.split is not None:  # where the distance separates them
         parts = result.split.items()
-        rows[0]["split"] = ", ".join(f"{SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts)
+        rows[0]["split"] = ", ".join(
+            f"{result_text.SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts
+        )
     return rows
 
 
@@ -262,7 +251,7 @@ def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> di
 
 def card(result: Evaluation) -> str:
     """What a notebook shows: a headline and the four parts."""
-    rows = [row[:4] for row in part_rows(result)]
+    rows = [row[:4] for row in result_text.part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
         *result.told,
@@ -270,27 +259,14 @@ def card(result: Evaluation) -> str:
         result.parameters_in_words(result.labels.unit),
         *filter(None, [result.not_judged]),
     ]
-    template = environment().get_template("card.html.j2")
-    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)
+    return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
-def document_page(document: Document, kind: str, drawn: Any, *, draws: bool) -> str:
+def document_page(document: rendering.Document, kind: str, drawn: Any, *, draws: bool) -> str:
     """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
-    made = pictures(kind, drawn, Pictures(formats=("svg",))) if draws else {}
-    html = (
-        environment()
-        .get_template("document.html.j2")
-        .render(
-            document=document,
-            version=__version__,
-            images={
-                name.removesuffix(".svg").replace("_", " "): base64.b64encode(image).decode()
-                for name, image in made.items()
-            },
-            style=page_colours() + inlined("page.css") + inlined("batch.css"),
-        )
-    )
-    return as_unicode(html)
+    shown = images(kind, drawn, draws=draws).items()
+    named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
+    return still_page("document.html.j2", document=document, version=__version__, images=named)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -310,62 +286,44 @@ ALL_PAIRS = 5
 """Most that are compared each with each; of more every one is with the next."""
 
 
-def batch_page(tables: BatchTables, *, draws: bool) -> str:
+def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """The whole page, with curves if it draws any."""
-    curves = pictures("page of a batch", tables, Pictures(formats=("svg",))) if draws else {}
-    rows, groups = tables.rows, tables.shown_groups
+    rows, ranked = tables.rows, tables.rankings
     # Of several sets of parameters none is that of the batch.
-    ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
-    sentence = ""
-    if ranking is not None:
-        sentence = order_in_words(ranking.value, ranking.entries, ranking.comparisons)
+    ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
-    html = (
-        environment()
-        .get_template("batch.html.j2")
-        .render(
-            tables=tables,
-            source=_source(tables),
-            title=_title(tables, ranking),
-            sentence=sentence,
-            version=tables.settings["version"],
-            jobs=len(rows),
-            failed=len(failed),
-            unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
-            rankings=[_ranking(tables, ranking) for ranking in tables.rankings],
-            notes=tables.notes,
-            parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
-            groups=groups[:MOST_GROUPS],
-            common=any(found.jobs < found.all_jobs for found in tables.rankings),
-            others=list(other_tables(tables)),
-            about_others=list(about_others(tables)),
-            slices=list(slice_tables(tables)),
-            about_slices=list(about_slices_of(tables)),
-            heat=tables.heat,
-            levels=HEAT_LEVELS,
-            tracks=len(TRACK_COLOURS),
-            images=[base64.b64encode(image).decode() for image in curves.values()],
-            curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
-            least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
-            runs=counted(max(runs, default=0), "run"),
-            bands=[BANDS[curve.band] for curve in tables.curves[:1]],
-            curve_groups=len({curve.name for curve in tables.curves}),
-            costliest=list(_costliest(tables, valued)),
-            faults=_rows(failed.head(MOST_FAULTS)),
-            parts=PARTS,
-            value=tables.value,
-            orders=ORDERS,
-            number=number,
-            of_expected=of_expected,
-            share=share,
-            per_step=_per_step,
-            settings=_settings(tables),
-            style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
-        )
+    return still_page(
+        "batch.html.j2",
+        _shades(),
+        tables=tables,
+        source=_source(tables),
+        title=_title(tables, ranking),
+        sentence=""
+        if ranking is None
+        else rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
+        failed=len(failed),
+        unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
+        rankings=[_ranking(tables, ranking) for ranking in ranked],
+        parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
+        groups=tables.shown_groups[:MOST_GROUPS],
+        common=any(found.jobs < found.all_jobs for found in ranked),
+        others=list(batch.other_tables(tables)),
+        about_others=list(batch.about_others(tables)),
+        slices=list(batch.slice_tables(tables)),
+        about_slices=list(batch.about_slices_of(tables)),
+        images=list(images("page of a batch", tables, draws=draws).values()),
+        curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
+        least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+        runs=counted(max(runs, default=0), "run"),
+        bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
+        curve_groups=len({curve.name for curve in tables.curves}),
+        costliest=list(_costliest(tables, valued)),
+        faults=_rows(failed.head(MOST_FAULTS)),
+        per_step=_per_step,
+        settings=_settings(tables),
     )
-    return as_unicode(html)
 
 
 def _shades() -> str:
@@ -385,7 +343,7 @@ def _shades() -> str:
     )
 
 
-def _source(tables: BatchTables) -> tuple[str, str]:
+def _source(tables: batch.BatchTables) -> tuple[str, str]:
     """What was evaluated, and against what, as it was named."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
@@ -394,30 +352,30 @@ def _source(tables: BatchTables) -> tuple[str, str]:
     return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
 
 
-def _title(tables: BatchTables, ranking: Ranking | None) -> str:
+def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best['name']}: {ranking.value} {tables.between(bracket(best, 'per_step'))}"
+        return f"{best['name']}: {ranking.value} {tables.between(batch.bracket(best, 'per_step'))}"
     if len(tables.shown_groups) == 1:
         return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 
-def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
+def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
-        name, per_step = entry["name"], bracket(entry, "per_step")
+        name, per_step = entry["name"], batch.bracket(entry, "per_step")
         ends = entry["per_step_confidence"]
         sure = Interval(lower=ends[0], upper=ends[1]) if ends else None
         words = {
             "name": name,
             "track": tables.compared[name],
             "place": ranking.place(entry),
-            "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "statistical": rendering.place_in_words(*(entry["statistical_place"] or (0, 0))),
             "per_step": tables.between(per_step),
             "sure": tables.between(sure, 4) if sure else "",
         }
@@ -431,7 +389,7 @@ def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
 
     return {
         "about": ranking,
-        "parameters": parameters_in_words(ranking.parameters),
+        "parameters": batch.parameters_in_words(ranking.parameters),
         "entries": [
             words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
             for words, value, sure in entries
@@ -448,7 +406,7 @@ def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
-def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
+def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
     """All pairs of few, else those of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
@@ -458,7 +416,7 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
 
 
 def _costliest(
-    tables: BatchTables, valued: "pd.DataFrame"
+    tables: batch.BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
@@ -471,7 +429,7 @@ def _costliest(
         return
     sets = valued.loc[order].groupby(names, dropna=False)
     for _, jobs in itertools.islice(sets, COSTLIEST):
-        about = parameters_in_words({name: jobs[name].iloc[0] for name in names})
+        about = batch.parameters_in_words({name: jobs[name].iloc[0] for name in names})
         yield about, _rows(jobs.head(max(1, COSTLIEST // sets.ngroups)))
 
 
@@ -488,7 +446,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
     )
 
 
-def _settings(tables: BatchTables) -> dict[str, str]:
+def _settings(tables: batch.BatchTables) -> dict[str, str]:
     """What was evaluated, and how, in lines."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}

@@ -564,6 +564,12 @@ def or_dash(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
+def between(low: float, high: float, form: str = ",.6g") -> str:
+    """One number if both ends are the same as they are shown, else both."""
+    texts = [f"{end:{form}}" for end in (low, high)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+
+
 def error_of(value: float | None) -> str:
     """A relative error, in powers of ten."""
     if value is None:

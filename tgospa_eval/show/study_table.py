@@ -11,7 +11,7 @@ from tgospa_eval.common.words import THOUSANDS, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import LOWER, NUMBERS, SHARES, SUMMARY
-from tgospa_eval.show.rendering import PART_HEADS, Table, best_cells, parameters_of
+from tgospa_eval.show.rendering import PART_HEADS, Table, best_cells, between, parameters_of
 from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
 from tgospa_eval.text import listed, option, quoted
 
@@ -328,7 +328,7 @@ def costs_table(
     cells = [
         (
             *row.names,
-            *(between(value) for value in (root, row.total)),
+            *(between(value.lower, value.upper) for value in (root, row.total)),
             *(number(row.costs[part], 5) for part in PARTS),
         )
         for row, root in zip(rows, roots, strict=True)
@@ -341,9 +341,3 @@ def costs_table(
         caption=f"Costs of a run. {caption}" if caption else "",
         is_wide=True,
     )
-
-
-def between(value: Interval) -> str:
-    """One number if both ends are the same as they are shown, else both."""
-    texts = [f"{end:,.6g}" for end in (value.lower, value.upper)]
-    return texts[1] if texts[0] == texts[1] else " to ".join(texts)

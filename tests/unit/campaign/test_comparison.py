@@ -167,10 +167,8 @@ def test_errors_are_against_what_all_prove() -> None:
 def test_exact_is_left_out_where_it_is_slow(
     write: Write, invoke: Invoke, monkeypatch, here
 ) -> None:
-    from tgospa_eval.api import compare as comparing
-
     here()
-    monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
+    monkeypatch.setattr("tgospa_eval.campaign.solver_runs.takes_long", lambda _: 123_456)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--epsilon", "0.1")
     assert "exact left out: 123,456 reduced states" in answer.out

@@ -18,6 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.campaign.gate import rules
 from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
@@ -30,18 +31,6 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, LEAST_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
-from tgospa_eval.campaign.gate.rules import (
-    OF_NEES,
-    PROVEN,
-    Finding,
-    Inference,
-    Rule,
-    Value,
-    Verdict,
-    is_beside,
-    judge,
-    meanings,
-)
 from tgospa_eval.campaign.gate.suite import GroupTable
 from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
@@ -67,7 +56,7 @@ SHOWN = 5
 LEAST_STATES = 10
 """Of a truth of which a run that misses many, not all, can be dead."""
 
-ALIVE = Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
+ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
 Labels = Mapping[str, str]
 
@@ -110,7 +99,7 @@ class SceneRuns:
         size = float(np.mean(states))
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
-    def dead(self, p_values: Floats) -> list[Finding]:
+    def dead(self, p_values: Floats) -> list[rules.Finding]:
         """A finding for each run that misses as much as no run of the scene ever did.
 
         That is more than halfway from the most to all; or a quarter of it, if that is a jump.
@@ -126,7 +115,9 @@ class SceneRuns:
                     f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
                     f"baseline missed more than {ever:g}"
                 )
-                found.append(replace(judge(replace(ALIVE, slack=limit), missed, ever), note=note))
+                found.append(
+                    replace(rules.judge(replace(ALIVE, slack=limit), missed, ever), note=note)
+                )
         return found
 
 
@@ -259,7 +250,7 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
 
     Of totals alone: counts of few switches have no scale.
     """
-    if not column or column[0].part[1] not in PROVEN:
+    if not column or column[0].part[1] not in rules.PROVEN:
         return {}
     scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
     found: dict[int, str] = {}
@@ -468,7 +459,7 @@ class Summed:
         The value of a sum.
     """
 
-    finding: Finding
+    finding: rules.Finding
     group: Group
     part: Part
     base: float
@@ -480,7 +471,7 @@ class Summed:
         """Whether something is inferred: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
-            rule.absolute or is_beside(rule.path)
+            rule.absolute or rules.is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
@@ -512,7 +503,7 @@ class Summed:
         jump: str,
         *,
         strict: bool,
-    ) -> Finding:
+    ) -> rules.Finding:
         """What is inferred of the tracker, where its seeds differ.
 
         `share` is that of the error which is for this test, after Holm's method; `p_values` that it
@@ -526,7 +517,7 @@ class Summed:
         rise = noticeable(self.strata(), level, needed=needed)
         base = self.finding.base or 0.0
         noticed = self.of_sum(self.limit * (1 + rise)) / base - 1 if base > 0 else math.inf
-        inference = Inference(
+        inference = rules.Inference(
             p_value=worse,
             confidence=confidence,
             runs=runs,
@@ -537,8 +528,8 @@ class Summed:
             jump=jump,
         )
         verdict = self.finding.verdict
-        if verdict is Verdict.FAIL and not (inference.supports(worse) or jump):
-            verdict = Verdict.FAIL if strict else Verdict.NOISE
+        if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
+            verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
                 # What is seen is in few runs: as a change of all of them it would be noticed.
                 inference = replace(inference, noticeable=math.inf)
@@ -583,7 +574,7 @@ def _missed(night: Json) -> float:
     return number_in(night, None, ALIVE.path)
 
 
-def _now(one: Measured, part: Part) -> Value:
+def _now(one: Measured, part: Part) -> rules.Value:
     """A value of a run; a class that it does not have costs nothing."""
     name, path = part
     values = one.values if name is None else one.classes.get(name)
@@ -595,7 +586,7 @@ def _old(entry: Json, part: Part) -> Floats:
     return np.array([number_in(night, *part) for night in nights_of(entry)])
 
 
-def _summed(rule: Rule, group: Group) -> Summed | None:
+def _summed(rule: rules.Rule, group: Group) -> Summed | None:
     """A value of all runs together; None if no run has it, or they cannot be compared."""
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
@@ -606,7 +597,7 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
             for night in nights_of(entry)
             for name in night.get("by_class", {})
         }
-    part = next((part for part in meanings(rule.path) if part[0] in classes), None)
+    part = next((part for part in rules.meanings(rule.path) if part[0] in classes), None)
     if part is None or group.faults:
         return None
     if names_summary(rule.path):
@@ -614,17 +605,17 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
         told = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
         if None in values or (None in told and not rule.absolute):
             return None
-        now = Value.of(math.fsum(v.upper for v in values if v) / len(values))
+        now = rules.Value.of(math.fsum(v.upper for v in values if v) / len(values))
         base = math.fsum(told) / len(told) if told and None not in told else None
-        finding = judge(rule, now, base)
+        finding = rules.judge(rule, now, base)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
-    if rule.path in OF_NEES:
+    if rule.path in rules.OF_NEES:
         old = [NeesSums.of_values(typical(entry)) for scene in group.scenes for entry in scene.old]
         sums = (NeesSums.joined(filter(None, each)) for each in ([one.nees for one in runs], old))
         own, before = (nees_values(each).get(rule.path) for each in sums)
         if own is None or (before is None and not rule.absolute):
             return None
-        finding = judge(rule, own, before.upper if before else None)
+        finding = rules.judge(rule, own, before.upper if before else None)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     tail, order, steps, old_steps = part[1], 1.0, 1.0, 1.0
     if tail.endswith("tgospa"):
@@ -638,13 +629,13 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
     def of_sum(total: float) -> float:
         return float((total / steps) ** (1 / order))
 
-    now = Value(
+    now = rules.Value(
         lower=of_sum(math.fsum(one.lower for one in found)),
         upper=of_sum(math.fsum(one.upper for one in found)),
         proven=all(one.proven for one in found),
         unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in found),
     )
-    finding = judge(rule, now, (base / old_steps) ** (1 / order))
+    finding = rules.judge(rule, now, (base / old_steps) ** (1 / order))
     limit = finding.limit**order * steps
     return Summed(finding=finding, group=group, part=part, base=base, limit=limit, of_sum=of_sum)
 

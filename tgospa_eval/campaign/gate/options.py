@@ -27,12 +27,10 @@ class GateOptions(Values):
     baseline: str | None = _stored(
         "--baseline FILE",
         "Baseline to judge by, a JSON file that --update-baseline makes. A suite may name its own.",
-        kind="path",
     )
     suite: str | None = _stored(
         "--suite FILE",
         "TOML file that lists several pairs of files, instead of TRUTH ESTIMATE.",
-        kind="path",
     )
     fail_on: tuple[str, ...] = _stored(
         "--fail-on RULE",
@@ -51,27 +49,23 @@ class GateOptions(Values):
         "Without other rules no baseline is needed.",
         default=(),
     )
-    junit: str | None = _stored("--junit FILE", "Write a JUnit XML report.", kind="path")
+    junit: str | None = _stored("--junit FILE", "Write a JUnit XML report.")
     github: bool = _stored(
         "--github",
         "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
-        default=False,
     )
     update_baseline: bool = _gate(
         "--update-baseline",
         "Make the baseline, or renew the entries of all pairs, and exit with 0.",
-        default=False,
     )
     add: bool = _gate(
         "--add",
         "With --update-baseline, add this run to the nights that the baseline has, at most 10: "
         "limits are judged against their mean.",
-        default=False,
     )
     strict: bool = _gate(
         "--strict",
         "Fail if a group is above its limit, although its seeds may be the reason.",
-        default=False,
     )
     against: str | None = _gate(
         "--against TARGET",
@@ -87,9 +81,8 @@ class GateOptions(Values):
     output: str | None = _gate(
         "-o, --output DIR",
         "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
-        kind="path",
     )
-    force: bool = _gate("--force", "Write into a folder with other files in it.", default=False)
+    force: bool = _gate("--force", "Write into a folder with other files in it.")
     only: tuple[str, ...] = _gate(
         "--only PATTERN",
         "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
@@ -98,7 +91,6 @@ class GateOptions(Values):
     prune: bool = _gate(
         "--prune",
         "With --update-baseline, remove entries of pairs that are there no more.",
-        default=False,
     )
     group: str | None = _gate(
         "--group LABELS",
@@ -118,7 +110,6 @@ class GateOptions(Values):
     proof: str | None = _gate(
         "--proof DIR",
         "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
-        kind="path",
     )
 
     evaluation: Mapping[str, object] = field(default_factory=dict)

@@ -1,6 +1,5 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
-import base64
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,19 +15,8 @@ from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.show import rendering as escape
-from tgospa_eval.show.rendering import (
-    WIDTH,
-    Row,
-    Table,
-    markdown_code,
-    markdown_lines,
-    text_lines,
-    workflow_data,
-    workflow_property,
-    xml,
-)
-from tgospa_eval.text import as_unicode, clipped, ending, listed, option, visible
+from tgospa_eval.show import rendering
+from tgospa_eval.text import clipped, ending, listed, option, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -98,7 +86,7 @@ def rows_of(
             yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
 
 
-def table(report: Report, width: int = WIDTH) -> str:
+def table(report: Report, width: int = rendering.WIDTH) -> str:
     """The rules of all pairs, then notes about them; passing ones are folded if they are many."""
     updated = report.verdict is Verdict.UPDATED
     found = list(rows_of(report))
@@ -112,7 +100,7 @@ def table(report: Report, width: int = WIDTH) -> str:
     titles = {id(one): visible(title(one)) for one in report.outcomes}
     short = dict(zip(titles.values(), shortened([*titles.values()], names - 1), strict=False))
     widths = (max([WIDTHS[0], *(len(text) + 1 for text in short.values())]), rules, *WIDTHS[2:])
-    rows: list[Row] = []
+    rows: list[rendering.Row] = []
     above = None
     for outcome, rule, values, verdict, proven in shown:
         pair = "" if outcome is above else short[titles[id(outcome)]]
@@ -121,7 +109,9 @@ def table(report: Report, width: int = WIDTH) -> str:
         rows.append((pair, text, *numbers_of, *([f" {verdict}"] if rule and not updated else [])))
         above = outcome
     head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
-    lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=widths), "")
+    lines = rendering.text_lines(
+        rendering.Table(head=head, rows=rows, align="llrrrl", widths=widths), ""
+    )
     if len(found) > len(shown):
         lines.append(f"... and {len(found) - len(shown)} {'values' if updated else 'that pass'}")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
@@ -238,18 +228,17 @@ def json_report(report: Report) -> str:
     return json_text(document)
 
 
+OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
+"""What the JSON has of a pair as it is."""
+
+
 def _pair(outcome: PairOutcome) -> Json:
     return {
-        "name": outcome.name,
-        "truth": outcome.truth,
-        "estimate": outcome.estimate,
-        "verdict": outcome.verdict,
-        "status": outcome.status,
+        **{name: getattr(outcome, name) for name in OF_THE_OUTCOME},
         "notes": list(outcome.notes),
         "warnings": [notice.record() for notice in outcome.warnings],
         "rules": [finding_record(finding) for finding in outcome.findings],
         "changes": {path: {"old": old, "new": new} for path, (old, new) in outcome.changes.items()},
-        "seconds": outcome.seconds,
     }
 
 
@@ -271,15 +260,8 @@ def finding_record(finding: Finding) -> Json:
 
 
 def _inference(inference: Inference) -> Json:
-    return {
-        "p_value": inference.p_value,
-        "confidence": inference.confidence,
-        "runs": inference.runs,
-        "needed": inference.needed,
-        "paired": inference.paired,
-        "jump": inference.jump,
-        "noticeable": _finite(inference.noticeable),
-    }
+    found = vars(inference) | {"noticeable": _finite(inference.noticeable)}
+    return {name: value for name, value in found.items() if name != "better"}
 
 
 def _finite(value: float) -> float | None:
@@ -299,35 +281,37 @@ def github_lines(report: Report) -> Iterator[str]:
     bad, quiet = (
         [one for one in report.outcomes if bool(one.status) is is_bad] for is_bad in (True, False)
     )
-    rows: dict[bool | None, list[Row]] = {True: [], None: [], False: []}
+    rows: dict[bool | None, list[rendering.Row]] = {True: [], None: [], False: []}
     for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first):
         passes = verdict in QUIET
         about = verdict if rule and passes else f"**{verdict}**"
         about += "" if proven else ", split, not proven"
         numbers = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
-        text = markdown_code(rule) if rule else None
+        text = rendering.markdown_code(rule) if rule else None
         end = [] if updated else [change(values), about]
         fails = None if verdict not in (*FIRST, Verdict.PASS) else not passes
-        rows[fails].append((markdown_code(title(outcome)), text, *numbers, *end))
+        rows[fails].append((rendering.markdown_code(title(outcome)), text, *numbers, *end))
     head = ("value", "old", "new") if updated else ("rule", *LIMITS, "change", "verdict")
     align = "llrr" if updated else "llrrrrl"
     fold, later = len(rows[False]) > FOLDED, len(rows[None]) > MANY_ROWS
     first = rows[True] + ([] if later else rows[None]) + ([] if fold else rows[False])
 
-    def lines_of(found: Sequence[Row]) -> list[str]:
-        return markdown_lines(Table(head=("pair", *head), rows=found, align=align), escape=str)
+    def lines_of(found: Sequence[rendering.Row]) -> list[str]:
+        return rendering.markdown_lines(
+            rendering.Table(head=("pair", *head), rows=found, align=align), escape=str
+        )
 
     yield from (*lines_of(first), "") if first else ()
     for some in (bad, quiet):
         for outcome in some:
             for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
-                yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
-        yield from (f"- {escape.markdown(text)}" for text in notes_of(some))
+                yield f"- {rendering.markdown_code(title(outcome))}: {rendering.markdown(note)}"
+        yield from (f"- {rendering.markdown(text)}" for text in notes_of(some))
         for outcome in some:
             for warning in map(str, outcome.warnings):
-                yield f"- {markdown_code(title(outcome))}: {escape.markdown(warning)}"
+                yield f"- {rendering.markdown_code(title(outcome))}: {rendering.markdown(warning)}"
         if some is bad:
-            yield from (f"- {escape.markdown(text)}" for text in report.told())
+            yield from (f"- {rendering.markdown(text)}" for text in report.told())
             yield from advice_lines(report)
             yield from ("", *lines_of(rows[None]), "") if later else ()
     if fold:
@@ -339,7 +323,10 @@ def advice_lines(report: Report) -> list[str]:
     """How Markdown proposes the command that accepts what failed."""
     if not report.advice:
         return []
-    return [f"\n{escape.markdown(accept_title(report))}: {markdown_code(report.advice)}", ""]
+    return [
+        f"\n{rendering.markdown(accept_title(report))}: {rendering.markdown_code(report.advice)}",
+        "",
+    ]
 
 
 FOLDED = 5
@@ -413,8 +400,8 @@ def _command(kind: str, heading: str, text: str) -> str:
     message = "\n".join(map(visible, text.split("\n")))
     if len(message) > LONGEST:
         message = message[: LONGEST - 3] + "..."
-    heading = workflow_property(clipped(heading, LONGEST))
-    return f"::{kind} title={heading}::{workflow_data(message)}"
+    heading = rendering.workflow_property(clipped(heading, LONGEST))
+    return f"::{kind} title={heading}::{rendering.workflow_data(message)}"
 
 
 def append_summary(report: Report, path: str | None) -> None:
@@ -537,16 +524,16 @@ def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:
 
 def _result(kind: str, verdict: str, text: str, message: str = "") -> str:
     about = {"type": verdict, "message": message or text.partition("\n")[0]}
-    return f"<{kind}{_attributes(about)}>{xml(text)}</{kind}>"
+    return f"<{kind}{_attributes(about)}>{rendering.xml(text)}</{kind}>"
 
 
 def _output(lines: Iterable[str]) -> str:
     text = "\n".join(lines)
-    return f"<system-out>{xml(text)}</system-out>" if text else ""
+    return f"<system-out>{rendering.xml(text)}</system-out>" if text else ""
 
 
 def _attributes(values: dict[str, str]) -> str:
-    return "".join(f' {name}="{xml(value)}"' for name, value in values.items())
+    return "".join(f' {name}="{rendering.xml(value)}"' for name, value in values.items())
 
 
 # -------------------------------------------------------------------------------------------------
@@ -577,11 +564,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 def page(report: Report, seed: str) -> str:
     """The page of all pairs: words and numbers from a template, without a script."""
-    from tgospa_eval.show.html import (  # lazy: for folders only
-        environment,
-        inlined,
-        page_colours,
-    )
+    from tgospa_eval.show.html import images, still_page  # lazy: for folders only
 
     rows = [
         {
@@ -595,24 +578,20 @@ def page(report: Report, seed: str) -> str:
         for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first)
     ]
     seeds, grid = _grid(report, seed)
-    html = (
-        environment()
-        .get_template("gate.html.j2")
-        .render(
-            report=report,
-            headline=headline(report),
-            accept_title=accept_title(report),
-            beside=report.told(),
-            failing=[row for row in rows if not row["passes"]],
-            passing=[row for row in rows if row["passes"]],
-            notes=list(notes_of(report.outcomes)),
-            chart=_chart(report, seed),
-            seeds=seeds,
-            grid=grid,
-            style=page_colours() + inlined("page.css") + inlined("batch.css"),
-        )
+    totals = _totals(report, seed)
+    return still_page(
+        "gate.html.j2",
+        report=report,
+        headline=headline(report),
+        accept_title=accept_title(report),
+        beside=report.told(),
+        failing=[row for row in rows if not row["passes"]],
+        passing=[row for row in rows if row["passes"]],
+        notes=list(notes_of(report.outcomes)),
+        chart="".join(images("page of a gate", totals, draws=bool(totals)).values()),
+        seeds=seeds,
+        grid=grid,
     )
-    return as_unicode(html)
 
 
 def _link(outcome: PairOutcome) -> str:
@@ -635,10 +614,8 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
     ]
 
 
-def _chart(report: Report, seed: str) -> str:
-    """The totals of runs beside those of the baseline, as the address of an image; or blank."""
-    from tgospa_eval.show.charts import Pictures, pictures  # lazy: for folders only
-
+def _totals(report: Report, seed: str) -> dict[str, tuple[list[float], list[float]]]:
+    """The totals of runs of the baseline, and those of now, by scene."""
     found: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:
         if one.values and one.base and seed in one.labels:
@@ -646,8 +623,7 @@ def _chart(report: Report, seed: str) -> str:
             old, now = found.setdefault(scene or "all runs", ([], []))
             old.append(one.base)
             now.append(one.values["total"].upper)
-    made = pictures("page of a gate", found, Pictures(formats=("svg",))) if found else {}
-    return "".join(base64.b64encode(image).decode() for image in made.values())
+    return found
 
 
 def _grid_cell(one: PairOutcome | None) -> Json:

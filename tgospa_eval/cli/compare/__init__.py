@@ -7,18 +7,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.shared.click_builder import (
-    BY_OF_SETTINGS,
-    COLUMNS_OF_TABLE,
-    CONFIG_FILE,
-    EVALUATION,
-    FORCE,
-    PICTURES,
-    QUIET,
-    WITH,
-    OutputOptions,
-    report_format,
-)
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, dashed, option, typed_options
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate import SCENARIOS
@@ -29,7 +18,7 @@ ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
 for it may come from a settings file."""
 
 OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
-SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
+SHARED = [item for item in click_builder.EVALUATION if item.key not in ELSEWHERE]
 OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
@@ -92,7 +81,7 @@ COMPARE_OPTIONS = (
     ),
 )
 COMPARE_OUTPUT = (
-    report_format(),
+    click_builder.report_format(),
     option(
         "-o, --output DIR",
         "Write report.html, compare.json, CSV tables and pictures to this folder. A scaling study "
@@ -100,13 +89,13 @@ COMPARE_OUTPUT = (
         section="Output",
         type=PATH,
     ),
-    *PICTURES,
-    WITH,
-    COLUMNS_OF_TABLE,
-    BY_OF_SETTINGS,
-    FORCE,
-    CONFIG_FILE,
-    QUIET,
+    *click_builder.PICTURES,
+    click_builder.WITH,
+    click_builder.COLUMNS_OF_TABLE,
+    click_builder.BY_OF_SETTINGS,
+    click_builder.FORCE,
+    click_builder.CONFIG_FILE,
+    click_builder.QUIET,
 )
 
 
@@ -162,7 +151,7 @@ def command(
     # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
     apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
     request = Request.of({name: value for name, value in options.items() if name not in apart})
-    output: Any = OutputOptions.of(options)
+    output: Any = click_builder.OutputOptions.of(options)
     checked_columns(output.columns_of_table)
     solvers: Any = options["solvers"]
     # The default depends on what is compared.

@@ -10,17 +10,8 @@ from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.reading import find_place
 from tgospa_eval.api.resolve import resolve_request
+from tgospa_eval.campaign import solver_runs
 from tgospa_eval.campaign.pairs import compared_runs, short_names
-from tgospa_eval.campaign.solver_runs import (
-    Keep,
-    Scenes,
-    Study,
-    carry_out,
-    check_solvers,
-    machine,
-    opened,
-    study_document,
-)
 from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
@@ -124,7 +115,7 @@ def make_solvers(
             solvers += [make(epsilon=temperature, **sweeping) for temperature in given]
         else:
             solvers.append(make(**(limits if name == "exact" else sweeping)))
-    check_solvers(solvers)
+    solver_runs.check_solvers(solvers)
     return solvers
 
 
@@ -306,7 +297,7 @@ def study_sizes(
     probed(output, STUDY, "study")
     settings = resolve_request(request)
     scene = Scene(scenario=scenario, area=area)
-    study = Study(
+    study = solver_runs.Study(
         scene=scene,
         tracker=usual_tracker(scene.area, {}),
         seed=seed,
@@ -320,15 +311,17 @@ def study_sizes(
     stopwatch = Stopwatch()
     for notice in slow_notice():
         notifier(quiet=quiet)(notice)
-    nothing = nullcontext[tuple[Scenes, Keep]](({}, lambda _: None))
-    with nothing if folder is None else opened(folder, study) as (known, keep):
+    nothing = nullcontext[tuple[solver_runs.Scenes, solver_runs.Keep]](({}, lambda _: None))
+    with nothing if folder is None else solver_runs.opened(folder, study) as (known, keep):
 
         def work() -> Json:
             def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
 
-            return study_document(study, carry_out(study, known, keep, notify), machine())
+            return solver_runs.study_document(
+                study, solver_runs.carry_out(study, known, keep, notify), solver_runs.machine()
+            )
 
         if not quiet and known:
             print_notice(

@@ -5,16 +5,7 @@ from collections.abc import Iterator
 import click
 
 from tgospa_eval.api.options import DEFAULTS, FITTING, Request
-from tgospa_eval.cli.shared.click_builder import (
-    EVALUATION,
-    IN_PARTS_OPTIONS,
-    OF_PICTURES,
-    OPTIONS,
-    OUTPUT,
-    SLICE,
-    WITH,
-    OutputOptions,
-)
+from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
 from tgospa_eval.errors import ExitStatus
 
@@ -46,11 +37,11 @@ class Files(Verb):
     cls=Files,
     params=[
         # Options of an evaluation are fields of `Request` in api/options.py.
-        *EVALUATION,
-        *IN_PARTS_OPTIONS,
-        *OUTPUT,
-        WITH,
-        SLICE,
+        *click_builder.EVALUATION,
+        *click_builder.IN_PARTS_OPTIONS,
+        *click_builder.OUTPUT,
+        click_builder.WITH,
+        click_builder.SLICE,
         Option(
             "--sweep NAME=VALUES",
             "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
@@ -71,7 +62,7 @@ class Files(Verb):
             section="Output",
         ),
         *(
-            OPTIONS[key]
+            click_builder.OPTIONS[key]
             for key in ("curve", "window", "every", "similarity", "tracked-shares", "explain")
         ),
     ],
@@ -101,7 +92,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    chosen, output = Request.of(options), OutputOptions.of(options)
+    chosen, output = Request.of(options), click_builder.OutputOptions.of(options)
     given = typed_options(ctx)
     _check(chosen, output, given, sweep=bool(sweep))
     from tgospa_eval.api.in_parts import check_parts, parts_in_words
@@ -136,7 +127,9 @@ def command(
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
 
-def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bool) -> None:
+def _check(
+    chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
+) -> None:
     """Whether options go together.
 
     Raises
@@ -144,7 +137,7 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
     UsageError
         They do not.
     """
-    for name in OF_PICTURES if output.output is None else ():
+    for name in click_builder.OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     for name in ("proof", "geojson"):
@@ -154,26 +147,25 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
             )
     for option in _without_proof(chosen) if "proof" in typed else ():
         raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
-    if sweep and output.format_ == "methods":
-        raise click.UsageError("--format methods is for one evaluation, not for --sweep")
-    if chosen.slices and sweep:
-        raise click.UsageError("--slice is for one evaluation, not for --sweep")
-    if chosen.with_ is not None and sweep:
-        raise click.UsageError("--with is for one evaluation, not for --sweep")
-    if chosen.similarity is not None and sweep:
-        raise click.UsageError("--similarity is of the mean over steps, not for --sweep")
-    if chosen.tracked_shares != DEFAULTS["tracked_shares"] and sweep:
-        raise click.UsageError("--tracked-shares is for one evaluation, not for --sweep")
-    if chosen.explain and (sweep or chosen.by or chosen.preprocess):
-        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
-
-
-def _not_explained(*, by_class: bool, sweep: bool) -> str:
-    if sweep:
-        return "--explain is for one evaluation, not for --sweep"
-    if by_class:
-        return "--explain takes all rows together, not --by class; choose one class by --class NAME"
-    return "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+    shares = chosen.tracked_shares != DEFAULTS["tracked_shares"]
+    of_one = {
+        "--format methods is for one evaluation": output.format_ == "methods",
+        "--slice is for one evaluation": chosen.slices,
+        "--with is for one evaluation": chosen.with_ is not None,
+        "--similarity is of the mean over steps": chosen.similarity is not None,
+        "--tracked-shares is for one evaluation": shares,
+        "--explain is for one evaluation": chosen.explain,
+    }
+    for text in (text for text, is_given in of_one.items() if sweep and is_given):
+        raise click.UsageError(f"{text}, not for --sweep")
+    if chosen.explain and chosen.by:
+        raise click.UsageError(
+            "--explain takes all rows together, not --by class; choose one class by --class NAME"
+        )
+    if chosen.explain and chosen.preprocess:
+        raise click.UsageError(
+            "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+        )
 
 
 def _without_proof(chosen: Request) -> Iterator[str]:

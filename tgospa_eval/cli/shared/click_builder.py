@@ -1,7 +1,7 @@
 """Options for click, built from `api.options.Request` and other records; those of the output."""
 
 from collections.abc import Callable, Collection, Container, Sequence
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 from functools import partial
 from types import UnionType
 from typing import Any, get_args
@@ -43,14 +43,12 @@ def one_of(members: Collection[str]) -> Any:
 
 def options_of(record: type[Values]) -> dict[str, Option]:
     """The options of the fields of a record, by their names in a settings file."""
-    return {
-        field.metadata["setting"].key: _made(field) for field in fields(record) if field.metadata
-    }
+    known = ((field, field.metadata["setting"]) for field in fields(record) if field.metadata)
+    return {about.key: _made(field, about) for field, about in known}
 
 
-def _made(field: Field[Any]) -> Option:
+def _made(field: Field[Any], about: OptionSpec) -> Option:
     """The option of a field."""
-    about: OptionSpec = field.metadata["setting"]
     kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
@@ -73,6 +71,15 @@ def _made(field: Field[Any]) -> Option:
     make: Any = option if about.stored else Option
     made: Option = make(about.declaration, about.help, section=about.section, **given)
     return made
+
+
+def side_option(name: str, side: str) -> Option:
+    """An option of truth or estimate, of a side that is called otherwise: ``--a-format``."""
+    field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
+    about: OptionSpec = field.metadata["setting"]
+    declaration, text = about.declaration.replace(role, side), about.help
+    changed = replace(about, declaration=declaration, help=text.replace(role.upper(), side.upper()))
+    return _made(field, changed)
 
 
 OPTIONS = options_of(Request)
