@@ -122,26 +122,28 @@ class IoU(Distance):
 # Differences of huge coordinates may overflow: infinitely far is right.
 @np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
-    """IoU of all boxes with all others, to the bit as TrackEval has it, whose thresholds it meets.
+    """IoU of boxes with others, to the bit as TrackEval has it, whose thresholds it meets.
 
     Right and lower edges are rounded before anything else, widths and heights are their differences
     to the left and upper ones, and boxes without area share nothing.
 
     Parameters
     ----------
-    a, b : array, shape (N, 4), (M, 4)
-        Left, top, width, height.
+    a, b : array, shape (..., 4)
+        Left, top, width, height; shapes are broadcast.
 
     Returns
     -------
-    array, shape (N, M)
+    array, shape (...)
     """
-    (begin_a, end_a), (begin_b, end_b) = ((box[:, :2], box[:, :2] + box[:, 2:]) for box in (a, b))
-    area_a, area_b = (end_a - begin_a).prod(axis=1), (end_b - begin_b).prod(axis=1)
-    edges = np.minimum(end_a[:, None], end_b) - np.maximum(begin_a[:, None], begin_b)
-    shared = np.maximum(edges, 0.0).prod(axis=2)
-    union = area_a[:, None] + area_b - shared
-    some = (area_a > TRACKEVAL_EPS)[:, None] & (area_b > TRACKEVAL_EPS) & (union > TRACKEVAL_EPS)
+    (begin_a, end_a), (begin_b, end_b) = (
+        (box[..., :2], box[..., :2] + box[..., 2:]) for box in (a, b)
+    )
+    area_a, area_b = (end_a - begin_a).prod(axis=-1), (end_b - begin_b).prod(axis=-1)
+    edges = np.minimum(end_a, end_b) - np.maximum(begin_a, begin_b)
+    shared = np.maximum(edges, 0.0).prod(axis=-1)
+    union = area_a + area_b - shared
+    some = (area_a > TRACKEVAL_EPS) & (area_b > TRACKEVAL_EPS) & (union > TRACKEVAL_EPS)
     found: Floats = np.divide(shared, union, out=np.zeros_like(shared), where=some)
     return found
 

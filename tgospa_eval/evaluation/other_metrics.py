@@ -1,6 +1,6 @@
 """Other metrics beside TGOSPA: HOTA, CLEAR (MOTA) and Identity (IDF1), and per-step GOSPA.
 
-The first three are computed by the classes of TrackEval, on similarities of the states of a step,
+The first three are those of TrackEval in every digit, on similarities of the states of a step,
 
     s = max(0, 1 - d / z),   z = 1 for boxes, where s is the IoU, and z = 2 c for all other states,
 
@@ -9,20 +9,26 @@ or d <= c. HOTA is the mean over the thresholds 0.05, 0.10, ..., 0.95 of s. They
 costs, and nothing of them is proven.
 """
 
-import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.mot_metrics import (
+    METRICS,
+    SUMMED_FIELDS,
+    THRESHOLD,
+    SimilarPairs,
+    Sums,
+    combined,
+    finished,
+)
 from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.solution import judged_rows
@@ -30,9 +36,6 @@ from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Held
 from tgospa_eval.tracks.trajectories import file_order
-
-THRESHOLD = 0.5
-"""Similarity from which a pair matches, in CLEAR and Identity."""
 
 METRIC_FIELDS = {
     "hota": ("HOTA", "DetA", "AssA", "DetRe", "DetPr", "AssRe", "AssPr", "LocA"),
@@ -44,24 +47,14 @@ METRIC_FIELDS = {
 }
 """What is kept of each metric, by the names of TrackEval; of arrays over thresholds the mean."""
 
-SUMMED_FIELDS = {
-    "hota": ("HOTA_TP", "HOTA_FN", "HOTA_FP", "AssA", "AssRe", "AssPr", "LocA"),
-    "clear": (
-        *("CLR_TP", "CLR_FN", "CLR_FP", "IDSW", "MT", "PT", "ML", "Frag"),
-        *("CLR_Frames", "MOTP_sum"),
-    ),
-    "identity": ("IDTP", "IDFN", "IDFP"),
-}
-"""What TrackEval joins sequences from; of HOTA with a number for each threshold."""
-
 IOU = "iou"
 """The distance of states whose similarity is TrackEval's, to the bit."""
 
 AT = "at"
 """Between the name of a metric and those of its fields with a number for each threshold."""
 
-Found = Mapping[str, Any]
-"""What TrackEval returns of one sequence: numbers and arrays by name."""
+LEAST = 1e-300
+"""A margin with which the search returns the boxes at its limit as well, that only touch."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,14 +64,14 @@ class ComputedMetrics:
     Parameters
     ----------
     found : mapping
-        What TrackEval returned, by metric.
+        Sums by metric.
     gospa : mapping of str to float, optional
         Per-step GOSPA, summed: total, localisation, missed, false.
     zero : float
         Distance at which the similarity is 0.
     """
 
-    found: Mapping[str, Found]
+    found: Mapping[str, Sums]
     gospa: Mapping[str, float] | None
     zero: float
 
@@ -155,8 +148,8 @@ def other_metrics(
                     f"{option('with_')} hota, clear and identity do not go together with "
                     f"{option('resample')} and {option('ignore')}; leave one out"
                 )
-            data = _sequence(sides, prepared.distance, zero, effort, prepared.held)
-            found = {name: _metric(name).eval_sequence(data) for name in asked}
+            pairs = _similar_pairs(sides, prepared.distance, zero, effort, prepared.held)
+            found = {name: METRICS[name](pairs) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
     return ComputedMetrics(found=found, gospa=gospa, zero=zero)
 
@@ -171,9 +164,7 @@ def joined(others: Sequence[ComputedMetrics]) -> OtherMetrics:
     record: dict[str, dict[str, float]] = {}
     for name in first.found:
         each = [other.found[name] for other in others]
-        every = each[0]
-        if len(each) > 1:
-            every = _metric(name).combine_sequences({str(k): item for k, item in enumerate(each)})
+        every = finished(name, each[0] if len(each) == 1 else combined(name, each))
         record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
         costs = [other.gospa for other in others if other.gospa is not None]
@@ -202,72 +193,42 @@ def _gospa(prepared: PreparedPair) -> dict[str, float]:
     }
 
 
-def _metric(name: str) -> Any:
-    """The metric of TrackEval; it prints as it is imported where libraries are missing."""
-    with redirect_stdout(io.StringIO()):
-        from trackeval.metrics import CLEAR, HOTA, Identity  # lazy: of an extra
-    if name == "hota":
-        return HOTA()
-    make: Callable[[dict[str, object]], Any] = CLEAR if name == "clear" else Identity
-    return make({"THRESHOLD": THRESHOLD, "PRINT_CONFIG": False})
-
-
-class _Similarities:
-    """The matrix of each step, made when it is asked for: all of them together may be large.
-
-    Its rows and columns are in the order of the files, which decides where sums are equal.
-    """
-
-    def __init__(
-        self, sides: Sides, distance: Distance, zero: float, effort: Resources, held: Held | None
-    ) -> None:
-        self.sides, self.zero = sides, zero
-        self.starts = [starts_of_steps(side) for side in self.sides]
-        self.orders = [file_order(side.step, side.attributes) for side in self.sides]
-        self.pairs = None
-        if distance.name != IOU or held is not None:
-
-            def search(sides: Sides) -> Pairs:
-                return prepared_pairs(sides, zero, distance, effort)
-
-            self.pairs = search(sides) if held is None else held_pairs(held, sides, search)
-            self.first = np.searchsorted(self.pairs.truth_row, self.starts[0])
-
-    def __len__(self) -> int:
-        return len(self.starts[0]) - 1
-
-    def __getitem__(self, step: int) -> Floats:
-        rows, columns = (
-            order[start[step] : start[step + 1]]
-            for order, start in zip(self.orders, self.starts, strict=True)
-        )
-        if self.pairs is None:
-            return overlaps(self.sides[0].state[rows], self.sides[1].state[columns])
-        near = slice(self.first[step], self.first[step + 1])
-        matrix = np.zeros((len(rows), len(columns)))
-        begin = self.starts[0][step], self.starts[1][step]
-        row = self.pairs.truth_row[near] - begin[0]
-        column = self.pairs.estimate_row[near] - begin[1]
-        matrix[row, column] = 1 - self.pairs.distance[near] / self.zero
-        return matrix[np.ix_(rows - begin[0], columns - begin[1])]
-
-
-def _sequence(
+def _similar_pairs(
     sides: Sides, distance: Distance, zero: float, effort: Resources, held: Held | None
-) -> dict[str, object]:
-    """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
-    similarities = _Similarities(sides, distance, zero, effort, held)
-    data: dict[str, object] = {
-        "num_timesteps": len(similarities),
-        "similarity_scores": similarities,
-    }
-    for name, side, start, order in zip(
-        ("gt", "tracker"), sides, similarities.starts, similarities.orders, strict=True
-    ):
-        ids, track = np.unique(side.track, return_inverse=True)
-        data |= {
-            f"num_{name}_ids": len(ids),
-            f"num_{name}_dets": len(track),
-            f"{name}_ids": np.split(track[order], start[1:-1]),
-        }
-    return data
+) -> SimilarPairs:
+    """All pairs with a similarity above 0; tracks without a row do not count.
+
+    Their places are in the order of the files, which decides where sums are equal.
+    """
+    boxes = distance.name == IOU and held is None
+
+    def search(sides: Sides) -> Pairs:
+        return prepared_pairs(sides, zero, distance, effort, margin=LEAST if boxes else 0.0)
+
+    near = search(sides) if held is None else held_pairs(held, sides, search)
+    rows = near.truth_row, near.estimate_row
+    starts, place, track, lengths = [], [], [], []
+    for side, row in zip(sides, rows, strict=True):
+        start, order = starts_of_steps(side), file_order(side.step, side.attributes)
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.arange(len(order))
+        _, number, count = np.unique(side.track, return_inverse=True, return_counts=True)
+        starts.append(start)
+        place.append(rank[row] - start[side.step[row]])
+        track.append(number[row])
+        lengths.append(count)
+    if boxes:
+        similarity = overlaps(*(side.state[row] for side, row in zip(sides, rows, strict=True)))
+    else:
+        similarity = 1 - near.distance / zero
+    step = sides[0].step[rows[0]]
+    order = np.lexsort((*place[::-1], step))
+    order = order[similarity[order] > 0]
+    return SimilarPairs(
+        step=step[order],
+        place=np.array(place)[:, order],
+        track=np.array(track)[:, order],
+        similarity=similarity[order],
+        sizes=np.array([np.diff(start) for start in starts]),
+        lengths=(lengths[0], lengths[1]),
+    )

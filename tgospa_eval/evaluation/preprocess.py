@@ -281,7 +281,7 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
             order[start[step] : start[step + 1]]
             for order, start in zip(orders, starts, strict=True)
         )
-        overlap = overlaps(sides[0].state[rows], sides[1].state[columns])
+        overlap = overlaps(sides[0].state[rows][:, None], sides[1].state[columns])
         overlap[overlap < LEAST_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
         some = overlap[i, j] > TRACKEVAL_EPS

@@ -1,0 +1,295 @@
+"""HOTA, CLEAR (MOTA) and Identity (IDF1) of pairs of states with a similarity above 0.
+
+[Luiten 2021], [Bernardin 2008] and [Ristani 2016], as TrackEval evaluates them:
+
+    HOTA_a = sqrt(DetA AssA),  DetA = TP / (TP + FN + FP),
+    AssA = mean over the matches of n / (length of the truth + length of the estimate - n),
+    MOTA = 1 - (FN + FP + IDSW) / (TP + FN),
+    IDF1 = 2 IDTP / (2 IDTP + IDFN + IDFP),
+
+where n counts the matches of the two tracks of a match, and a is a threshold of the similarity.
+Floating point operations have the order that they have there, so that every digit is the same; what
+a dense matrix adds beside that is zeros. Only steps where a state is in several pairs need an
+assignment: it alone makes a matrix, of that step.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances.boxes import TRACKEVAL_EPS
+
+THRESHOLD = 0.5
+"""Similarity from which a pair matches, in CLEAR and Identity."""
+
+THRESHOLDS = np.arange(0.05, 0.99, 0.05)
+"""Similarities from which a pair matches, in HOTA."""
+
+SUMMED_FIELDS = {
+    "hota": ("HOTA_TP", "HOTA_FN", "HOTA_FP", "AssA", "AssRe", "AssPr", "LocA"),
+    "clear": (
+        *("CLR_TP", "CLR_FN", "CLR_FP", "IDSW", "MT", "PT", "ML", "Frag"),
+        *("CLR_Frames", "MOTP_sum"),
+    ),
+    "identity": ("IDTP", "IDFN", "IDFP"),
+}
+"""Numbers from which sequences are joined; of HOTA with one for each threshold."""
+
+SUM_AT_ONCE = 4096
+"""Numbers that are added as one dense array."""
+
+Sums = dict[str, Any]
+"""Numbers and arrays by name, of `SUMMED_FIELDS`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimilarPairs:
+    """All pairs of states of one step with a similarity above 0, by step, truth and estimate.
+
+    Parameters
+    ----------
+    step : (P,) int array
+        Step of each pair.
+    place : (2, P) int array
+        Place of its two states among those of the step, in the order that decides ties.
+    track : (2, P) int array
+        Their tracks, counted from 0.
+    similarity : (P,) float array
+        In (0, 1].
+    sizes : (2, T) int array
+        States of each step.
+    lengths : pair of int arrays
+        States of each track, at least one.
+    """
+
+    step: Ints
+    place: Ints
+    track: Ints
+    similarity: Floats
+    sizes: Ints
+    lengths: tuple[Ints, Ints]
+
+    def cells(self) -> Ints:
+        """One number for each pair of tracks: that of its place in a matrix of all."""
+        cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
+        return cells
+
+    def near(self, least: float) -> "SimilarPairs":
+        """Those with at least this similarity."""
+        kept = self.similarity >= least
+        return SimilarPairs(
+            step=self.step[kept],
+            place=self.place[:, kept],
+            track=self.track[:, kept],
+            similarity=self.similarity[kept],
+            sizes=self.sizes,
+            lengths=self.lengths,
+        )
+
+    def disputed(self) -> Iterator[tuple[slice, tuple[Ints, Ints], Floats]]:
+        """Pairs, places and a matrix of zeros of each step where a state is in several pairs."""
+        several = np.zeros(len(self.step), bool)
+        for place, size in zip(self.place, self.sizes, strict=True):
+            state = (np.cumsum(size) - size)[self.step] + place
+            several |= np.bincount(state)[state] > 1
+        steps = np.unique(self.step[several])
+        ends = (np.searchsorted(self.step, steps, side=side).tolist() for side in ("left", "right"))
+        for begin, end, size in zip(*ends, self.sizes[:, steps].T.tolist(), strict=True):
+            part = slice(begin, end)
+            yield part, (self.place[0, part], self.place[1, part]), np.zeros(size)
+
+
+def hota(pairs: SimilarPairs) -> Sums:
+    """HOTA: matches at every threshold, of one assignment that prefers tracks that go together."""
+    similarity = pairs.similarity
+    union = similarity.copy()  # of undisputed pairs: s + s - s
+    for part, at, matrix in pairs.disputed():
+        matrix[at] = similarity[part]
+        union[part] = matrix.sum(0)[at[1]] + matrix.sum(1)[at[0]] - similarity[part]
+    share = np.divide(similarity, union, out=np.zeros_like(similarity), where=union > TRACKEVAL_EPS)
+    cells, cell = np.unique(pairs.cells(), return_inverse=True)
+    shape = [len(length) for length in pairs.lengths]
+    lengths = [
+        length[track]
+        for length, track in zip(pairs.lengths, divmod(cells, max(shape[1], 1)), strict=True)
+    ]
+    joint = np.bincount(cell, share, len(cells))
+    score = (joint / (lengths[0] + lengths[1] - joint))[cell] * similarity
+    taken = _assigned(pairs, lambda part, _: score[part])
+    similarity, step, cell = similarity[taken], pairs.step[taken], cell[taken]
+
+    matches, error = np.zeros(len(THRESHOLDS)), np.zeros(len(THRESHOLDS))
+    association = np.zeros((3, len(THRESHOLDS)))
+    for k, least in enumerate(THRESHOLDS - TRACKEVAL_EPS):
+        matched = similarity >= least
+        matches[k] = np.count_nonzero(matched)
+        error[k] = _by_step(step[matched], similarity[matched])
+        count = np.bincount(cell[matched], minlength=len(cells))
+        unions = np.stack((lengths[0] + lengths[1] - count, *lengths))
+        values = count * (count / np.maximum(1, unions))
+        association[:, k] = _as_dense(cells, values, shape[0] * shape[1])
+    association /= np.maximum(1, matches)
+    return {
+        "HOTA_TP": matches,
+        "HOTA_FN": pairs.sizes[0].sum() - matches,
+        "HOTA_FP": pairs.sizes[1].sum() - matches,
+        **dict(zip(("AssA", "AssRe", "AssPr"), association, strict=True)),
+        "LocA": np.maximum(1e-10, error) / np.maximum(1e-10, matches),
+    }
+
+
+def clear(pairs: SimilarPairs) -> Sums:
+    """CLEAR: an assignment step by step, which keeps the matches of the step before."""
+    sizes, lengths = pairs.sizes, pairs.lengths
+    pairs = pairs.near(THRESHOLD - TRACKEVAL_EPS)
+    both = sizes.all(axis=0)
+    turn = np.cumsum(both)[pairs.step]  # the step among those with states on either side
+    cells = pairs.cells()
+    order = np.argsort(cells, kind="stable")
+    follows = (np.diff(cells[order]) == 0) & (np.diff(turn[order]) == 1)
+    before = np.full(len(cells), -1)
+    before[order[1:][follows]] = order[:-1][follows]
+    taken = _assigned(
+        pairs, lambda part, taken: 1000 * taken[before[part]] + pairs.similarity[part]
+    )
+    matches = np.count_nonzero(taken)
+    truth, estimate = pairs.track[:, taken]
+    order = np.argsort(truth, kind="stable")
+    again = np.diff(truth[order]) == 0
+    ratio = np.bincount(truth, minlength=len(lengths[0])) / lengths[0]
+    mostly = np.count_nonzero(ratio > 0.8)
+    partly = np.count_nonzero(ratio >= 0.2) - mostly
+    return {
+        "CLR_TP": matches,
+        "CLR_FN": int(sizes[0].sum()) - matches,
+        "CLR_FP": int(sizes[1].sum()) - matches,
+        "IDSW": np.count_nonzero(again & (np.diff(estimate[order]) != 0)),
+        "MT": mostly,
+        "PT": partly,
+        "ML": len(lengths[0]) - mostly - partly,
+        "Frag": np.count_nonzero(again & (np.diff(turn[taken][order]) != 1)),
+        "CLR_Frames": sizes.shape[1] if sizes.any(axis=1).all() else 0,
+        "MOTP_sum": _by_step(pairs.step[taken], pairs.similarity[taken]),
+    }
+
+
+def identity(pairs: SimilarPairs) -> Sums:
+    """Identity: the assignment of whole tracks that shares most steps.
+
+    Each truth has an estimate of its own beside the others, with which it shares nothing.
+    """
+    from scipy.sparse import coo_array  # lazy: slow to import
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
+    sizes = pairs.sizes.sum(axis=1).tolist()
+    cells, count = np.unique(pairs.near(THRESHOLD).cells(), return_counts=True)
+    shared = 0
+    if len(cells):
+        row, column = divmod(cells, len(pairs.lengths[1]))
+        row = np.unique(row, return_inverse=True)[1]
+        own = np.arange(row.max() + 1)
+        none = count.max() + 1.0
+        costs = np.append(none - count, np.full(len(own), none))
+        places = np.append(row, own), np.append(column, len(pairs.lengths[1]) + own)
+        graph = coo_array((costs, places)).tocsr()
+        shared = int(none * len(own) - graph[min_weight_full_bipartite_matching(graph)].sum())
+    return {"IDTP": shared, "IDFN": sizes[0] - shared, "IDFP": sizes[1] - shared}
+
+
+METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
+    "hota": hota,
+    "clear": clear,
+    "identity": identity,
+}
+
+
+def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
+    """Sums of several sequences as of one; ratios of matches are means over all matches."""
+    sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
+    if name == "hota":
+        matches = sums["HOTA_TP"]
+        for key, least in (("AssA", 1.0), ("AssRe", 1.0), ("AssPr", 1.0), ("LocA", 1e-10)):
+            weighted = sum([each[key] * each["HOTA_TP"] for each in every])
+            if key == "LocA":
+                weighted = np.maximum(least, weighted)
+            sums[key] = weighted / np.maximum(least, matches)
+    return sums
+
+
+def finished(name: str, sums: Mapping[str, Any]) -> Sums:
+    """Numbers of `METRIC_FIELDS` that follow from the sums, and these."""
+
+    def ratio(number: Any, *parts: Any) -> Any:
+        return number / np.maximum(1.0, sum(parts))
+
+    if name == "hota":
+        matches, missed, false = (sums[f"HOTA_{key}"] for key in ("TP", "FN", "FP"))
+        accuracy = ratio(matches, matches, missed, false)
+        return {
+            **sums,
+            "DetRe": ratio(matches, matches, missed),
+            "DetPr": ratio(matches, matches, false),
+            "DetA": accuracy,
+            "HOTA": np.sqrt(accuracy * sums["AssA"]),
+        }
+    if name == "clear":
+        matches, missed, false = (sums[f"CLR_{key}"] for key in ("TP", "FN", "FP"))
+        return {
+            **sums,
+            "MOTA": ratio(matches - false - sums["IDSW"], matches, missed),
+            "MOTP": ratio(sums["MOTP_sum"], matches),
+            "MODA": ratio(matches - false, matches, missed),
+            "CLR_Re": ratio(matches, matches, missed),
+            "CLR_Pr": ratio(matches, matches, false),
+        }
+    shared, missed, false = (sums[key] for key in SUMMED_FIELDS["identity"])
+    return {
+        **sums,
+        "IDF1": ratio(shared, shared, 0.5 * false, 0.5 * missed),
+        "IDR": ratio(shared, shared, missed),
+        "IDP": ratio(shared, shared, false),
+    }
+
+
+def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
+    """Pairs of the assignment with the largest score at each step.
+
+    `score` is that of the pairs of a step, > 0, from what is taken before; [-1] of that is False.
+    """
+    from scipy.optimize import linear_sum_assignment  # lazy: slow to import
+
+    taken = np.ones(len(pairs.step) + 1, bool)
+    taken[-1] = False
+    for part, at, matrix in pairs.disputed():
+        matrix[at] = -score(part, taken)
+        chosen = np.full(len(matrix), -1)
+        rows, columns = linear_sum_assignment(matrix)
+        chosen[rows] = columns
+        taken[part] = chosen[at[0]] == at[1]
+    return taken[:-1]
+
+
+def _by_step(step: Ints, values: Floats) -> np.float64:
+    """Sum of the sums of the steps, each one after the other."""
+    total: np.float64 = np.bincount(step, values, 1).cumsum()[-1]
+    return total
+
+
+def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
+    """Sums of rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
+
+    NumPy halves long rows, at multiples of 8; `index` is sorted.
+    """
+    if not len(index):
+        return np.zeros(len(values))
+    if size <= SUM_AT_ONCE:
+        dense = np.zeros((len(values), size))
+        dense[:, index] = values
+        return np.asarray(dense.sum(axis=1))
+    half = size // 2 - size // 2 % 8
+    cut = int(np.searchsorted(index, half))
+    first = _as_dense(index[:cut], values[:, :cut], half)
+    return first + _as_dense(index[cut:] - half, values[:, cut:], size - half)
