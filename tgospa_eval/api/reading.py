@@ -15,7 +15,7 @@ from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import AlignedPair, fit
-from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
+from tgospa_eval.evaluation.request import MOT_METRICS, EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, objects, read
 from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
@@ -386,7 +386,7 @@ def _preprocessed(
         The truth does not say what that is.
     """
     with_ = {*resolved.evaluation.with_}
-    if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(OF_TRACKEVAL)):
+    if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(MOT_METRICS)):
         return sides
     from tgospa_eval.evaluation.preprocess import (  # lazy: for boxes only
         benchmark_warnings,

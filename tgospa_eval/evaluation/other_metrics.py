@@ -96,7 +96,7 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Compu
     sums : mapping
         As of `ComputedMetrics.sums`, perhaps among others.
     names : iterable of str
-        Metrics of TrackEval that are in it.
+        Metrics but GOSPA that are in it.
     zero : float
         Distance at which the similarity is 0.
     """
@@ -115,7 +115,7 @@ def other_metrics(
 ) -> ComputedMetrics:
     """Metrics by name, of two sides as they are compared.
 
-    Where states are not judged, those of TrackEval are without them: see `problem.solution`.
+    Where states are not judged, those of similarities are without them: see `problem.solution`.
 
     Parameters
     ----------
@@ -165,6 +165,8 @@ def joined(others: Sequence[ComputedMetrics]) -> OtherMetrics:
     for name in first.found:
         each = [other.found[name] for other in others]
         every = finished(name, each[0] if len(each) == 1 else combined(name, each))
+        if name == "clear" and len(each) == 1 and not every["CLR_TP"] + every["CLR_FN"]:
+            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval says nothing of one without truth
         record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
         costs = [other.gospa for other in others if other.gospa is not None]

@@ -3,14 +3,13 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import counted, install
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import Parameters, needs_symmetry
@@ -161,8 +160,8 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
     return first[kept], last[kept]
 
 
-OF_TRACKEVAL = ("hota", "clear", "identity")
-OTHER_METRICS = (*OF_TRACKEVAL, "gospa", NEES)
+MOT_METRICS = ("hota", "clear", "identity")
+OTHER_METRICS = (*MOT_METRICS, "gospa", NEES)
 """What can be evaluated beside TGOSPA, in the order in which it is shown."""
 
 
@@ -283,7 +282,7 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
     Raises
     ------
     ConfigError
-        A name is not that of a metric, or the extra that it needs is not installed.
+        A name is not that of a metric.
     """
     asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
     asked = [NUMBERS_OF.get(name, name) for name in asked]
@@ -292,9 +291,4 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
             raise ConfigError(
                 f"{option('with_')} {quoted(name)}: must be of {', '.join(OTHER_METRICS)}"
             )
-    missing = [name for name in OF_TRACKEVAL if name in asked]
-    if missing and find_spec("trackeval") is None:
-        raise ConfigError(
-            f"{option('with_', ','.join(missing))}: needs the extra mot: {install('mot')}"
-        )
     return tuple(name for name in OTHER_METRICS if name in asked)
