@@ -94,6 +94,9 @@ def cases(folder: Path) -> dict[str, tuple[str, ...]]:
     return found | {
         "centres of boxes, c = 100": (COMMAND, *files, "-c", "100", "-g", "10", "-q"),
         "boxes, iou": (COMMAND, *files, "--distance", "iou", "-q"),
+        "the same with HOTA, CLEAR, Identity": (
+            *(COMMAND, *files, "--distance", "iou", "-q", "--with", "hota,clear,identity"),
+        ),
         "start and two small files": (COMMAND, *small),
         "the same with pictures": (COMMAND, *small, "-o", str(folder / "out"), "--force"),
     }
