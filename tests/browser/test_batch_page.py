@@ -12,18 +12,28 @@ OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clie
 SHADE = "getComputedStyle(document.querySelector('table.heat td.h8')).backgroundColor"
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the page that all tests look at is written by the first."""
+    return tmp_path_factory.mktemp("batch")
+
+
 @pytest.fixture
-def page(invoke: Callable, tmp_path: Path) -> Path:
+def page(invoke: Callable, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Runs of two trackers with names of many letters; steps are stored."""
+    page = folder / "r" / "report.html"
+    if page.exists():
+        return page
+    monkeypatch.chdir(folder)
     for run in range(RUNS):
         for name, error in (("gt", 0), ("out/a" + "b" * 40, 1), ("out/" + "long name " * 4, 2)):
-            Path(tmp_path, name).mkdir(parents=True, exist_ok=True)
+            Path(name).mkdir(parents=True, exist_ok=True)
             rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
-            Path(tmp_path, name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+            Path(name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
     patterns = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
     steps = ("--per-step", "--curve", "--reports", "--workers", "1", "--pictures", "png")
     assert invoke("batch", *patterns, "-o", "r", *steps).status == 0
-    return tmp_path / "r" / "report.html"
+    return page
 
 
 @pytest.mark.parametrize("width", [420, 1400])

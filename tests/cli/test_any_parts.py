@@ -71,7 +71,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
         Scene(
             scenario=case["scenario"],
             targets=int(rng.integers(1, 7)),
-            steps=int(rng.integers(1, 40)),
+            steps=int(rng.integers(1, 20)),
             area=float(rng.choice([30, 100, 400])),
         ),
         Tracker(noise=2, detection=0.9, swaps=0.3, near=10, fragmentation=0.05, false_rate=0.2),

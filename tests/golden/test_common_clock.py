@@ -11,8 +11,8 @@ from oracles import programme
 from tgospa_eval import ConfigError, evaluate
 
 C, P, GAMMA, GAP, LENGTH = 20.0, 2.0, 10.0, 2.5, 24.0
-SCENES = range(40)
-MANY = range(1000)
+SCENES = range(12)
+MANY = range(12, 1040)
 Tracks = dict[str, list[tuple[float, np.ndarray]]]
 
 
@@ -144,8 +144,8 @@ def test_the_value_is_that_of_the_definition(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", MANY)
 def test_many_scenes(seed: int) -> None:
-    check(Scene(10_000 + seed))
-    exchange(20_000 + seed)
+    check(Scene(seed))
+    exchange(seed)
 
 
 def exchange(seed: int) -> None:

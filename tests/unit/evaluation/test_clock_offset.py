@@ -85,7 +85,7 @@ def found(invoke: Run, write: Write, seed: int, *, moved: bool) -> tuple[Any, fl
     return clock(invoke, *files), offset, step / 2
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
 def test_found_within_half_a_step(invoke: Run, write: Write, count: int) -> None:
     """Offsets up to two hours, at least 95 % of them; nothing is said of what has none."""
     right = 0

@@ -35,7 +35,7 @@ def same_as_separate(truth: np.ndarray, estimate: np.ndarray, **others: float) -
 
 
 @given(pairs_of_sets(most=4, most_steps=7), ORDERS, SWITCH)
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_points_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray], order: float, switch: float
 ) -> None:
