@@ -9,7 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tgospa_eval import InputError, TgospaWarning, Trajectories, evaluate, evaluate_many
+from tgospa_eval import (
+    ConfigError,
+    InputError,
+    TgospaWarning,
+    Trajectories,
+    evaluate,
+    evaluate_many,
+)
 
 Pair = tuple[Any, Any]
 EQUAL = ("tgospa", "lower_bound", "upper_bound", "total", "certified", "localisation", "missed")
@@ -58,6 +65,8 @@ def same(pairs: list[Pair], **options: Any) -> None:
         assert row["normalised.tgospa"] == result.normalised["tgospa"]
         assert [row[f"counts.{n}"] for n in result.counts] == [*result.counts.values()]
         assert (row["sizes.truth_states"], row["sizes.estimate_states"]) == result.objects
+        assert row["sizes.steps"] == result.sizes["steps"]
+        assert row["judged.steps"] == result.evaluated_on.steps
 
 
 OPTIONS: list[dict[str, Any]] = [
@@ -134,7 +143,30 @@ def test_errors_name_the_run() -> None:
         evaluate_many([(good, good), (good, np.zeros((3, 1, 3)))], cutoff=1.0)
     with pytest.raises(InputError, match=r'^run "1": a pair is \(truth, estimate\)'):
         evaluate_many([good], cutoff=1.0)  # type: ignore[list-item]
-    with pytest.raises(InputError, match="no pair"):
-        evaluate_many([])
     with pytest.raises(TypeError, match="did you mean cutoff"):
         evaluate_many([(good, good)], cutof=1.0)  # type: ignore[call-arg]
+    for nothing in (([],), ({},), ([], [])):
+        with pytest.raises(InputError, match=r"there is no (pair|run) to evaluate"):
+            evaluate_many(*nothing)
+    with pytest.raises(InputError, match="sequence of"):
+        evaluate_many("truth.csv")
+    with pytest.raises(InputError, match='called "1"'):
+        evaluate_many({1: (good, good), "1": (good, good)})  # type: ignore[dict-item]
+    with pytest.raises(ConfigError, match="jobs is -1"):
+        evaluate_many([(good, good)], cutoff=1.0, jobs=-1)
+    pair = good, good + 1e-5
+    with pytest.raises(ConfigError, match=r'^run "a": cutoff 1000'):
+        evaluate_many({"a": pair, "b": pair}, cutoff=1e3, switch_penalty=0.0, order=60)
+
+
+def test_each_warning_is_said_once_of_its_runs() -> None:
+    walk = np.random.default_rng(0).normal(size=(40, 4, 2)).cumsum(0) * 3
+    nothing = np.full((40, 1, 2), np.nan)
+    pairs = {"a": (nothing, walk), "b": (walk, nothing), "c": (nothing, nothing)}
+    many, _ = warned(evaluate_many, pairs, cutoff=5.0, switch_penalty=1.0)
+    texts = [notice.text for notice in many.warnings]
+    assert [text.partition(" takes")[0] for text in texts] == [
+        "run a, c: no row of the truth",
+        "run b, c: no row of the estimate",
+    ]
+    assert "b" in many

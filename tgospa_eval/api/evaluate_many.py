@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result
-from tgospa_eval.campaign.pairs import runs_in_memory
+from tgospa_eval.campaign.pairs import named_sides, runs_in_memory
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores
@@ -23,7 +23,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.engines import Processes, spread
-from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.joined import JoinedPairs, can_be_joined, is_like
 from tgospa_eval.results.records import Costs
 from tgospa_eval.text import listed, quoted
@@ -45,16 +45,18 @@ SMALL = 10_000
 FEW = 3
 """Runs that a warning names."""
 
-SIZES = ("sizes.steps", "sizes.truth_states", "sizes.estimate_states")
-"""Columns with the steps that a value is divided by, and the states of either side."""
+SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_states")
+"""Columns with the steps of both sides, those of the value per step, the states of either side."""
 
 PATIENCE = 2.0
 """Seconds of work before processes are started, which takes about as long."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Evaluations(Sequence[Result]):
+class Evaluations:
     """Numbers of many pairs; the `Result` of a pair is made when it is asked for, by ``[run]``.
+
+    The sides are kept as they were given, and read again for that.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class Evaluations(Sequence[Result]):
     rows : tuple of dict
         Numbers of each, by column.
     warnings : tuple of Notice
-        What looks wrong, once for each kind, with the runs that it is said of.
+        What looks wrong, each text once, with the runs that it is said of.
     """
 
     runs: tuple[str, ...]
@@ -76,7 +78,13 @@ class Evaluations(Sequence[Result]):
     def __len__(self) -> int:
         return len(self.runs)
 
-    def __getitem__(self, run: "int | str") -> Result:  # type: ignore[override]
+    def __iter__(self) -> Iterator[Result]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __contains__(self, run: object) -> bool:
+        return run in self.runs
+
+    def __getitem__(self, run: "int | str") -> Result:
         """The result of a pair, by its place or its name: what `evaluate` returns, without warning.
 
         Raises
@@ -151,7 +159,7 @@ def evaluate_many(
     Warns
     -----
     TgospaWarning
-        Something looks wrong with the data, once for each kind.
+        Something looks wrong with the data, each text once.
 
     Raises
     ------
@@ -169,6 +177,7 @@ def evaluate_many(
     >>> many[0].worst()
     """
     given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
+    jobs = requested(given | {"jobs": jobs}).jobs
     request = requested(given | {"jobs": 1})
     resolved = resolve_request(request)
     runs, pairs = _named_pairs(truth, estimate)
@@ -203,10 +212,20 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
         There is none, or something is no pair.
     """
     if estimate is not None:
+        if any(
+            isinstance(side, (list, np.ndarray)) and not len(side) for side in (truth, estimate)
+        ):
+            raise InputError("there is no run to evaluate")
         names, truths, own = runs_in_memory(truth, {"estimate": estimate})
         return [name or "1" for name in names], list(zip(truths, own["estimate"], strict=True))
     if isinstance(truth, Mapping):
-        names, pairs = [*map(str, truth)], [*truth.values()]
+        named = named_sides(truth)
+        names, pairs = [*named], [*named.values()]
+    elif isinstance(truth, (str, bytes)) or not isinstance(truth, Iterable):
+        raise InputError(
+            f"pairs are {type(truth).__name__}: must be a sequence of (truth, estimate), or a "
+            "mapping from names to such pairs; or give truths and estimates"
+        )
     else:
         pairs = list(truth)
         names = [f"{k:0{len(str(len(pairs)))}}" for k in range(1, len(pairs) + 1)]
@@ -249,13 +268,16 @@ def _chunk(
         for k, (_, _, aligned, asked) in enumerate(read)
         if can_be_joined(asked) and sum(len(one.step) for one in aligned.read) <= SMALL
     ]
-    small = [k for k in small if is_like(read[k][2], read[small[0]][2])]
     costs: dict[int, Costs | None] = {}
     sound = np.zeros(len(read), bool)
-    if small:
-        joined = JoinedPairs([read[k][2] for k in small], read[small[0]][3])
-        sound[small] = joined.sound()
-        costs = dict(zip(small, joined.costs(), strict=True))
+    while small:
+        first = read[small[0]]
+        alike = [k for k in small if is_like(read[k][2], first[2])] or small[:1]
+        small = [k for k in small if k not in alike]
+        with suppress(ConfigError):  # what is wrong with one is said of that one below
+            joined = JoinedPairs([read[k][2] for k in alike], first[3])
+            sound[alike] = joined.sound()
+            costs |= dict(zip(alike, joined.costs(), strict=True))
     made = []
     for k, run in enumerate(runs):
         with _of_run(run):
@@ -276,25 +298,22 @@ def _of_run(run: str) -> Iterator[None]:
 def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:
     """Row and warnings of a pair, which is evaluated by itself if its costs are not known yet."""
     warnings, aligned = sides.warnings, sides.fitted.alignment
-    others: Row = {}
     if costs is None:
         result = evaluate_sides(resolved, sides, Stopwatch())
         costs, warnings = result.proof, result.warnings
-        for metric, numbers in result.with_.items():
-            others |= {f"{metric}.{name}": value for name, value in numbers.items()}
-        steps, objects = result.evaluated_on.each, result.objects
+        steps, objects = result.evaluated_on.steps, result.objects
     else:
-        steps = max(len(sides.fitted.axis.horizon.times) or len(aligned.truth.times), 1)
+        steps = len(sides.fitted.axis.horizon.times) or len(aligned.truth.times)
         objects = len(aligned.truth.step), len(aligned.estimate.step)
-    row = costs.numbers(sides.request.solver.gap, steps)
-    row |= dict(zip(SIZES, (steps, *objects), strict=True)) | others
+    row = costs.numbers(sides.request.solver.gap, max(steps, 1))
+    row |= dict(zip(SIZES, (len(aligned.truth.times), steps, *objects), strict=True))
     return row | {"warnings": " ".join(notice.code for notice in warnings)}, warnings
 
 
 def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:
-    """The first warning of each kind, with the runs that have one."""
-    kinds: dict[str, tuple[Notice, list[str]]] = {}
+    """Each warning once, with the runs that have it."""
+    kinds: dict[Notice, list[str]] = {}
     for run, notices in each:
-        for notice in notices:
-            kinds.setdefault(notice.code, (notice, []))[1].append(run)
-    return tuple(notice.about(f"run {listed(runs, FEW)}") for notice, runs in kinds.values())
+        for notice in dict.fromkeys(notices):
+            kinds.setdefault(notice, []).append(run)
+    return tuple(notice.about(f"run {listed(runs, FEW)}") for notice, runs in kinds.items())
