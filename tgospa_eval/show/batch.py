@@ -161,18 +161,18 @@ def on_one_axis(
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
     """
     try:
-        found = places([curve.times for curve in curves])
+        positions = places([curve.times for curve in curves])
         times = [t for curve in curves for t in curve.times]
     except TimeError:
-        found = [np.arange(len(curve.times)) for curve in curves]
-        times = [k + 1 for own in found for k in own.tolist()]
-    _, first = np.unique(np.concatenate(found), return_index=True)
+        positions = [np.arange(len(curve.times)) for curve in curves]
+        times = [k + 1 for own in positions for k in own.tolist()]
+    _, first = np.unique(np.concatenate(positions), return_index=True)
     union = [times[k] for k in first.tolist()]
     axis = TimeAxis.of(union)
     at = axis.at
     room = 0.0 if len(at) > 1 else 0.5
     ends = float(at[0]) - room, float(at[-1]) + room
-    return axis, [at[own] for own in found], ends
+    return axis, [at[own] for own in positions], ends
 
 
 def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
@@ -347,10 +347,10 @@ class BatchTables:
     @property
     def heads(self) -> dict[str, str]:
         """Columns of `groups` that tell them apart, with the names that these are shown by."""
-        found = {
+        headings = {
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
-        return found | {name: name for name in self.parameters}
+        return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
         """What tells a row of the groups from others, in words."""
@@ -409,11 +409,11 @@ class BatchTables:
         if self.by and len(groups):
             first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
-        found: list[Json] = []
+        shown: list[Json] = []
         for row in groups.to_dict("records"):
             steps = max(float(row["judged.steps"]), 1.0)
             costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
-            found.append(
+            shown.append(
                 {
                     "name": "/".join(self.named(row)),
                     "track": self.compared.get(str(row[names[0]]), 0) if names else 0,
@@ -426,7 +426,7 @@ class BatchTables:
                     "parameters": [value_in_words(row[name]) for name in self.parameters],
                 }
             )
-        return found
+        return shown
 
     @cached_property
     def heat(self) -> Json | None:
@@ -534,10 +534,10 @@ def heat_of(
     shown = list(columns)[:MOST_COLUMNS]
     # Where all jobs failed there are no columns of values.
     rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
-    found = rows.assign(_row=down, _column=across)[across.isin(shown)]
-    sets = found.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
-    found = found.assign(_failed=found["status"] == "failed", _set=sets, _at=np.arange(len(found)))
-    numbers = found.groupby(["_row", "_column"], sort=False).agg(
+    jobs = rows.assign(_row=down, _column=across)[across.isin(shown)]
+    sets = jobs.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
+    jobs = jobs.assign(_failed=jobs["status"] == "failed", _set=sets, _at=np.arange(len(jobs)))
+    numbers = jobs.groupby(["_row", "_column"], sort=False).agg(
         jobs=("_failed", "size"),
         failed=("_failed", "sum"),
         lower=("total_lower", "sum"),
@@ -563,7 +563,7 @@ def heat_of(
     numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
     alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
     links = dict(
-        zip(alone.index, map(link, found.iloc[alone["at"]].to_dict("records")), strict=True)
+        zip(alone.index, map(link, jobs.iloc[alone["at"]].to_dict("records")), strict=True)
     )
     known = numbers["upper"].dropna()
     least, most = (known.min(), known.max()) if len(known) else (0.0, 0.0)
@@ -613,14 +613,14 @@ def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequen
 
 def slices_of_groups(tables: BatchTables) -> Columns:
     """The same as columns, with what tells groups apart in front; none if there are no slices."""
-    found: Columns = {}
+    table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
         heads = zip(tables.heads.values(), names, strict=True)
         rows = {head: [name] * len(part["by"]) for head, name in heads} | part
         for head, values in rows.items():
-            found.setdefault(head, []).extend(values)
-    return found
+            table.setdefault(head, []).extend(values)
+    return table
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
@@ -836,19 +836,19 @@ def _parameters(tables: BatchTables) -> Json:
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
     """Rows that have the same jobs, and differ in nothing but in the label that is ranked."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
-    found: dict[tuple[Any, ...], list[int]] = {}
+    rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
         if row["jobs"] and {name: row[name] for name in tables.parameters} in ranked:
-            found.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
-    return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
+            rivals.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
+    return [alike for alike in rivals.values() if len({rows[k]["jobs"] for k in alike}) == 1]
 
 
 def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    found = list(result_text.other_records(rows))
-    yield from result_text.grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
+    other = list(result_text.other_records(rows))
+    yield from result_text.grouped_table(tuple(heads.values()), names, other, _rivals(tables, rows))
     nees = [NeesSums.of_row(row) for row in rows]
     items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
     yield from result_text.covariances_table(tuple(heads.values()), names, items)
@@ -940,10 +940,10 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 def about_others(tables: BatchTables) -> Iterator[str]:
     """What other metrics are, where they were asked for."""
-    found = next(result_text.other_records(_with_values(tables)), {})
-    if found:
+    other = next(result_text.other_records(_with_values(tables)), {})
+    if other:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
-        yield from result_text.direction(found)
+        yield from result_text.direction(other)
 
 
 def batch_report(tables: BatchTables, format: str) -> str:

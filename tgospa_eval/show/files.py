@@ -451,14 +451,14 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 
 
 def association_files(
-    found: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
+    pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
     """Page, table and, with the extra, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
-    files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
-    files["associations.csv"] = csv_text(found.associations_table())
-    return files if wanted == (None,) else files | pictures("associate", found, *wanted)
+    files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
+    files["associations.csv"] = csv_text(pairing.associations_table())
+    return files if wanted == (None,) else files | pictures("associate", pairing, *wanted)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -570,8 +570,8 @@ def geojson(result: Evaluation) -> str:
                 f"{option('geojson')}: data in parts have no states at hand; evaluate a part"
             )
         places = _places(part)
-        found = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
-        for feature in (*found, *_switches(part, places)):
+        features = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
+        for feature in (*features, *_switches(part, places)):
             if isinstance(result, EvaluationByClass):
                 feature["properties"]["class"] = name
             made.append(feature)
@@ -679,10 +679,10 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """Each switch, where its truth is, or was last."""
     truths = result.proof.states.problem.sides[0]
-    found = read_switches(result.proof.states, result.proof.weights)
+    switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step
     order = np.argsort(key)
-    wanted = found.truth.astype(np.int64) * (len(result.labels.times) + 1) + found.step
+    wanted = switches.truth.astype(np.int64) * (len(result.labels.times) + 1) + switches.step
     row = order[np.maximum(np.searchsorted(key[order], wanted, side="right") - 1, 0)]
     table = result.table("switches")
     for at, k in zip(row.tolist(), range(len(table["t"])), strict=True):

@@ -90,14 +90,14 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 def draw_nees(seen: PlotData, style: Style) -> Figure | None:
     """NEES of each step with its band; below it of particles the ranks of the truth."""
-    found = seen.document.get("nees")
-    if found is None:
+    nees = seen.document.get("nees")
+    if nees is None:
         return None
-    ranks = np.array(found["ranks"], float)
+    ranks = np.array(nees["ranks"], float)
     made, axes = figure(style.width, style.low * (1 + bool(len(ranks))), rows=1 + bool(len(ranks)))
     axis = axes[0][0]
-    value, low, high = (np.array(line, float) for line in found["lines"].values())
-    at, ideal = seen.time.at, found["ideal"]
+    value, low, high = (np.array(line, float) for line in nees["lines"].values())
+    at, ideal = seen.time.at, nees["ideal"]
     handles = [
         axis.fill_between(at, low, high, step="mid", color=LIGHT["grid"], linewidth=0),
         axis.axhline(ideal, color=SOFT, linestyle="--"),
@@ -114,7 +114,7 @@ def draw_nees(seen: PlotData, style: Style) -> Figure | None:
         below = axes[1][0]
         edges = np.linspace(0, 1, ranks.shape[1] + 1)
         shares = ranks / np.maximum(ranks.mean(axis=1, keepdims=True), TINY)
-        for k, (share, name) in enumerate(zip(shares, found["columns"], strict=True)):
+        for k, (share, name) in enumerate(zip(shares, nees["columns"], strict=True)):
             below.stairs(share, edges, label=literal(name), linewidth=1.5, **line_looks(k))
         below.axhline(1, color=SOFT, linestyle="--")
         below.set_xlim(0, 1)
@@ -136,13 +136,13 @@ def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> Figur
 
 def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
     """The root of the mean cost of each window."""
-    found = seen.document.get("windows")
-    if found is None:
+    windows = seen.document.get("windows")
+    if windows is None:
         return None
-    first, last = (seen.time.at[np.asarray(found[name], int)] for name in ("first", "last"))
-    values = {name: found["lines"][name] for name in (*parts, "total")}
+    first, last = (seen.time.at[np.asarray(windows[name], int)] for name in ("first", "last"))
+    values = {name: windows["lines"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
-    titled(axis, style, f"Windows of {found['size']}, each at its middle", seen.about)
+    titled(axis, style, f"Windows of {windows['size']}, each at its middle", seen.about)
     return made
 
 
@@ -420,14 +420,14 @@ def _bars(
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
     begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
-    held = ~np.isnan(place) & (run["other"] >= 0)
+    paired = ~np.isnan(place) & (run["other"] >= 0)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
     thin = 0.6 if style.titles else 0.3
     handles: dict[str, Artist] = {}
-    if held.any():
-        corners = boxes(begin[held], end[held], place[held] - half, place[held] + half)
-        colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
+    if paired.any():
+        corners = boxes(begin[paired], end[paired], place[paired] - half, place[paired] + half)
+        colours = np.array(TRACK_COLOURS)[track[paired] % len(TRACK_COLOURS)]
         looks = {"edgecolors": SOFT if whole else "none", "linewidths": thin / 2}
         bars = _put(axis, corners, f"{lanes.side.name}/assigned", facecolors=colours, **looks)
         if truth:
@@ -568,11 +568,11 @@ def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float
     place = lanes.place(run["track"])
     (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
-    held = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
+    assigned = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
     looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
     looks["backgroundcolor"] = "none" if truth else "white"
-    for k in held[np.argsort(-wide[held], kind="stable")][:MOST_NAMES]:
+    for k in assigned[np.argsort(-wide[assigned], kind="stable")][:MOST_NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue

@@ -85,22 +85,22 @@ RUN = ("track", "begin", "end", "other")
 """What there is of each stretch of one assignment."""
 
 
-def plane_columns(known: Sequence[str], asked: Sequence[str] | None) -> tuple[str, str]:
+def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
     """What is across and up.
 
     Raises
     ------
     ConfigError
-        `asked` names an unknown column, or not exactly two.
+        `requested` names an unknown column, or not exactly two.
     """
     boxes = is_box(known)
     names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
-    if asked is not None:
-        odd = [name for name in asked if name not in names]
-        if odd or len(asked) != 2 or isinstance(asked, str):
-            text = asked if isinstance(asked, str) else ",".join(asked)
+    if requested is not None:
+        odd = [name for name in requested if name not in names]
+        if odd or len(requested) != 2 or isinstance(requested, str):
+            text = requested if isinstance(requested, str) else ",".join(requested)
             raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
-        return asked[0], asked[1]
+        return requested[0], requested[1]
     if boxes:
         return "centre x", "centre y"
     if is_map(known):
@@ -184,8 +184,8 @@ class PlotData:
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
         """What the plane can show of states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
-        found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
-        return found | {TIME: self.time.at[step]} if found else {}
+        shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
+        return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
         """What a side or a part is called."""
@@ -249,46 +249,47 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 """How an association calls sides and parts."""
 
 
-def _association_data(found: Pairing) -> PlotData:
+def _association_data(pairing: Pairing) -> PlotData:
     """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
     """
-    sides, steps, power = found.sides, len(found.first.times), getattr(found.distance, "power", 2.0)
+    sides, steps = pairing.sides, len(pairing.first.times)
+    power = getattr(pairing.distance, "power", 2.0)
     given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
     tables: dict[str, Columns] = {}
     costs: dict[str, Floats] = {"localisation": np.zeros(steps)}
     counts: dict[str, Floats] = {}
-    for (name, kind), side, other, partner, apart in zip(
-        KINDS.items(), sides, sides[::-1], found.partners, found.partings, strict=True
+    for (name, kind), side, other, partner, distance in zip(
+        KINDS.items(), sides, sides[::-1], pairing.partners, pairing.partings, strict=True
     ):
         alone, track = partner == NONE, side.track.astype(np.int64)
         rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
         rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
-        rows["error"] = np.where(alone, 1.0, apart / found.cutoff)
-        if name == "truth" and found.gates is not None:
-            rows["gate"] = found.gates
+        rows["error"] = np.where(alone, 1.0, distance / pairing.cutoff)
+        if name == "truth" and pairing.gates is not None:
+            rows["gate"] = pairing.gates
         rows = by_track(rows, side.state, side.second_moments, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
-        lost = alone * found.cutoff / 2
-        values = {"localisation": apart, "unassigned": lost, "total": apart + lost}
+        lost = alone * pairing.cutoff / 2
+        values = {"localisation": distance, "unassigned": lost, "total": distance + lost}
         values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
         sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
         tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
-        parts = {"localisation": apart, kind: lost}
+        parts = {"localisation": distance, kind: lost}
         costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
         counts[kind] = np.bincount(side.step, alone, steps).astype(float)
     lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
     lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
-    times = readable(found.first.shown.tolist())
-    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
+    times = readable(pairing.first.shown.tolist())
+    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": pairing.cutoff, "order": 1.0}
     document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
     for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
         document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
     document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
     document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
-    about = f"c = {found.cutoff:g}, {found.distance.name}"
-    return drawn_data(given, found.first.columns, tables, document, about)
+    about = f"c = {pairing.cutoff:g}, {pairing.distance.name}"
+    return drawn_data(given, pairing.first.columns, tables, document, about)
 
 
 def drawn_data(
@@ -381,7 +382,7 @@ def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
     slot chooses them: each stands for the weight of the slots that fall on it.
     """
-    found: list[Rows] = []
+    particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
     chosen = np.flatnonzero((row["step"] % every == 0) & (row["cloud"] != NONE))
     chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // FEWEST)))]
@@ -392,9 +393,9 @@ def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
         if len(points) > 1:  # else it is a point
-            found.append({"row": np.full(len(points), k), "state": points, "weight": weights})
+            particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
-    return {name: np.concatenate([none[name], *(one[name] for one in found)]) for name in none}
+    return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
 
 
 def is_map(names: Collection[str]) -> bool:
@@ -421,16 +422,16 @@ def map_stretch(latitudes: Floats) -> float:
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
-def _windows(result: Evaluation, slid: Windows) -> Json:
+def _windows(result: Evaluation, windows: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
     costs["total"] = sum(costs.values(), np.zeros(len(each)))
     return {
-        "size": slid.size,
-        "first": slid.first.tolist(),
-        "last": slid.last.tolist(),
+        "size": windows.size,
+        "first": windows.first.tolist(),
+        "last": windows.last.tolist(),
         "tgospa": rounded(table["tgospa"]),
         "lines": {n: rounded(((cost / each) ** power).tolist()) for n, cost in costs.items()},
     }
@@ -439,7 +440,7 @@ def _windows(result: Evaluation, slid: Windows) -> Json:
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
     """One side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
-    found: list[Rows] = [
+    tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
         | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
     ]
@@ -451,19 +452,21 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         rows["other"] += np.where(rows["other"] < 0, 0, first[other])
         rows["cloud"][rows["cloud"] != NONE] += sum(map(len, clouds))
         clouds += [] if (own := _clouds(part, name)) is None else [own]
-        found.append(rows | {"track": rows["track"] + first[name]})
+        tables.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
-    wide = max(rows["spread"].shape[1] for rows in found)
-    for rows in found:  # of some parts the states may be points, which have no spread
+    wide = max(rows["spread"].shape[1] for rows in tables)
+    for rows in tables:  # of some parts the states may be points, which have no spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
-    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}, clouds
+    return {
+        column: np.concatenate([rows[column] for rows in tables]) for column in tables[0]
+    }, clouds
 
 
 def _clouds(part: PairEvaluation, name: str) -> Clouds | None:
-    found: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
-    return found
+    clouds: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
+    return clouds
 
 
 def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
@@ -587,10 +590,10 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
-        found = read_switches(part.proof.states, part.proof.weights)
-        rows["step"] += found.step.tolist()
-        rows["truth"] += (found.truth + truths).tolist()
-        for name, track in (("from", found.before), ("to", found.after)):
+        switches = read_switches(part.proof.states, part.proof.weights)
+        rows["step"] += switches.step.tolist()
+        rows["truth"] += (switches.truth + truths).tolist()
+        for name, track in (("from", switches.before), ("to", switches.after)):
             rows[name] += np.where(track < 0, NONE, track + estimates).tolist()
         table = part.table("switches")
         for name in ("mass", "cost"):

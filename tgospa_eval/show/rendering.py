@@ -54,7 +54,7 @@ def markdown(text: str) -> str:
     """The text in a paragraph, a list or a cell of Markdown."""
     text = visible(text).replace("&", "&amp;").replace("<", "&lt;")
     text = "".join(f"\\{c}" if c in "\\`*_|[]#~$" else c for c in text)
-    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda found: f"\\{found[0]}", text))
+    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda match: f"\\{match[0]}", text))
 
 
 def markdown_code(text: str) -> str:
@@ -110,8 +110,8 @@ def latex_comment(text: str) -> str:
 def xml(text: str) -> str:
     """Lines of text in an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
-    text = re.sub(_NO_XML, lambda found: f"\\u{ord(found[0]):04x}", text)
-    return re.sub(_XML, lambda found: f"&#{ord(found[0])};", text).replace("\n", "&#10;")
+    text = re.sub(_NO_XML, lambda match: f"\\u{ord(match[0]):04x}", text)
+    return re.sub(_XML, lambda match: f"&#{ord(match[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
@@ -495,13 +495,13 @@ def fitted(table: Table) -> list[str]:
             for group in _that_fit(others, room - taken)
         ]
     for columns in groups:
-        apart = {k: "  " if table.sides[k] == "l" else "" for k in columns}
-        head, *found = [
-            [_short(row[0], first), *(apart[k] + row[k] for k in columns)] for row in rows
+        spacing = {k: "  " if table.sides[k] == "l" else "" for k in columns}
+        head, *body = [
+            [_short(row[0], first), *(spacing[k] + row[k] for k in columns)] for row in rows
         ]
         wide = (first, *(widths[k] + 2 for k in columns))
         align = "".join(table.sides[k] for k in (0, *columns))
-        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide, align=align))]
+        lines += ["", *text_lines(Table(head=head, rows=body, widths=wide, align=align))]
     return lines[1:]
 
 

@@ -348,13 +348,13 @@ LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 
 
-def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
+def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
     """Small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
     """
-    table: Columns = found.columns()
-    x = [point.value for point in found.points]
+    table: Columns = sweep.columns()
+    x = [point.value for point in sweep.points]
     rows = 2 if style.wide else 4  # a column of a journal has room for two panels
     made, axes = figure(style.width, 0.75 * rows * style.low, rows, 8 // rows)
     panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
@@ -364,11 +364,11 @@ def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
         looks: dict[str, Any] = {"marker": MARKERS[at], "ms": style.mark, "clip_on": False}
         looks["color"] = INK if name == "tgospa" else LIGHT[PARTS[at]]
         axis.plot(x, table[name], "-", **looks)
-        if name == "tgospa" and not found.certified:
+        if name == "tgospa" and not sweep.certified:
             lower, upper = table["lower_bound"], table[name]
             axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
         label(axis, "", "" if k else "cost", title)
-    band = found.unchanged("missed_count", "false_count")
+    band = sweep.unchanged("missed_count", "false_count")
     # Values crowd at the low end, as evenly spaced logarithms do.
     low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
     crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
@@ -381,8 +381,8 @@ def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
             _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
         axis.set_ylim(0, None)
     made.supxlabel(
-        AXIS_NAMES[found.parameter]
-        + (f" ({literal(found.unit)})".replace("$", r"\$") if found.unit else "")
+        AXIS_NAMES[sweep.parameter]
+        + (f" ({literal(sweep.unit)})".replace("$", r"\$") if sweep.unit else "")
         + ("; grey: missed and false do not change in number" if band is not None else ""),
         fontsize="medium",
     )
@@ -469,14 +469,14 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
         runs = " to ".join(map("{:,}".format, sorted({min(counts), max(counts)})))
         titled(axes[0, 0], style, f"Root mean square over the runs ({runs} at each time)")
     clock, places, ends = on_one_axis([curve for _, curve in curves])
-    drawn: dict[str, Artist] = {}
+    lines_by_group: dict[str, Artist] = {}
     for (row, column), axis in np.ndenumerate(axes):
         name, kind = lines[row], kinds[column]
         top = 0.0
         for (track, curve), at in zip(curves, places, strict=True):
             if curve.kind == kind:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve, name, track)
+                lines_by_group[group] = _draw_line(axis, at, curve, name, track)
                 top = max(top, curve.top(name))
         axis.set_ylim(0, ROOM * top or 1.0)
         name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
@@ -486,7 +486,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
             axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
         if parts and row + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.wide else 3)
+    legend(made, list(lines_by_group.values()), list(lines_by_group), 4 if style.wide else 3)
     return made
 
 
@@ -504,7 +504,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
     down = -(-len(lines) // across)
     made, axes = figure(style.width, PANEL * style.low * down, down, across)
     clock, places, ends = on_one_axis([curve for _, curve in curves])
-    drawn: dict[str, Artist] = {}
+    lines_by_group: dict[str, Artist] = {}
     for k, axis in enumerate(axes.T.flat):
         if k >= len(lines):
             axis.set_visible(False)
@@ -513,12 +513,12 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
         for (track, curve), at in zip(curves, places, strict=True):
             if name in curve.rms or name in curve.means:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve, name, track)
+                lines_by_group[group] = _draw_line(axis, at, curve, name, track)
                 top = max(top, curve.top(name))
             if name == "estimate_states" and name in curve.means:
                 truth = curve.means["truth_states"]
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
-                drawn["truth"] = axis.plot(at, truth, **looks)[0]
+                lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
         if name == NEES:  # what it is where covariances are right
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
@@ -533,7 +533,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
         axis.set_title(about, fontsize="medium", loc="left", parse_math=False)
         if (k + 1) % down and k + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    legend(made, list(lines_by_group.values()), list(lines_by_group), 4 if style.titles else 3)
     return made
 
 

@@ -146,7 +146,7 @@ def study_table(
     heads: Sequence[str],
     rivals: Sequence[Sequence[int]],
     title: str,
-    asked: Sequence[str] = (),
+    requested: Sequence[str] = (),
     caption: str = "",
 ) -> Table:
     """The table.
@@ -161,7 +161,7 @@ def study_table(
         Rows that compete with each other.
     title : str
         The head of the value.
-    asked : sequence of str
+    requested : sequence of str
         Names of columns; by default those that say something.
     caption : str
         What LaTeX says above it.
@@ -173,9 +173,9 @@ def study_table(
     """
     columns: dict[str, Sequence[str]] = {}
     compared: dict[int, list[Interval]] = {}
-    for name in dict.fromkeys(asked) or COLUMNS:
-        for head, cells, worse in _columns(name, rows, title, asked=bool(asked)):
-            if asked or (any(cells) and not _says_nothing(name, cells)):
+    for name in dict.fromkeys(requested) or COLUMNS:
+        for head, cells, worse in _columns(name, rows, title, wanted=bool(requested)):
+            if requested or (any(cells) and not _says_nothing(name, cells)):
                 if worse:
                     compared[len(heads) + len(columns)] = worse
                 columns[head] = [cell or "-" for cell in cells]
@@ -203,8 +203,8 @@ Column = tuple[str, Sequence[str], list[Interval]]
 """Head, cells, and what is the least for the best; nothing where none is called best."""
 
 
-def _columns(name: str, rows: Sequence[StudyRow], title: str, *, asked: bool) -> Iterator[Column]:
-    """The column of a name; none of what is not there, unless it was `asked` for."""
+def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
+    """The column of a name; none of what is not there, unless it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -230,7 +230,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, asked: bool) ->
         means = [row.mean_of_roots for row in rows if row.mean_of_roots is not None]
         if means:
             yield "mean of roots", [number(mean) for mean in means], []
-        elif asked:
+        elif wanted:
             raise ConfigError(
                 f"{option('columns_of_table', name)}: is not there; {option('mean_of_roots')} of a "
                 "batch adds it"
