@@ -18,7 +18,7 @@ LARGEST_COUNT = 2**31 - 2
 
 
 class ExitStatus(IntEnum):
-    """What the command line ends with (docs/reference/cli.md)."""
+    """Exit statuses of the command line (docs/reference/cli.md)."""
 
     DONE = 0
     REGRESSION = 1  # of the gate, proven
@@ -98,7 +98,7 @@ class InputError(TgospaError, ValueError):
 
 
 def check_size(what: str, count: int) -> None:
-    """Whether 32-bit indices suffice.
+    """Check that 32-bit indices suffice.
 
     Raises
     ------

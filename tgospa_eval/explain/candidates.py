@@ -112,21 +112,21 @@ class Assigned:
 
     @cached_property
     def stretches(self) -> list[AssignedStretch]:
-        """Those that are assigned by more than half, by truth and time."""
-        held = self.held
-        most = np.flatnonzero(held.weight > 0.5)
-        most = most[np.lexsort((held.begin[most], held.truth[most]))]
-        found: list[AssignedStretch] = []
+        """Stretches that are assigned by more than half, by truth and time."""
+        kept = self.held
+        most = np.flatnonzero(kept.weight > 0.5)
+        most = most[np.lexsort((kept.begin[most], kept.truth[most]))]
+        parts: list[AssignedStretch] = []
         for truth, estimate, begin, end in zip(
-            *(part[most].tolist() for part in (held.truth, held.estimate, held.begin, held.end)),
+            *(part[most].tolist() for part in (kept.truth, kept.estimate, kept.begin, kept.end)),
             strict=True,
         ):
-            before = found[-1] if found else None
+            before = parts[-1] if parts else None
             if before and (before.truth, before.estimate) == (truth, estimate):
-                found[-1] = before._replace(end=end)
+                parts[-1] = before._replace(end=end)
             else:
-                found.append(AssignedStretch(truth, estimate, begin, end))
-        return found
+                parts.append(AssignedStretch(truth, estimate, begin, end))
+        return parts
 
 
 TrackPiece: TypeAlias = tuple[int, int, int]
@@ -158,7 +158,7 @@ class AddedRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edit:
-    """What changes; steps and tracks are those of the estimate on the grid.
+    """Change of an estimate; steps and tracks are those of the estimate on the grid.
 
     Parameters
     ----------
@@ -182,32 +182,32 @@ class Edit:
 
     @property
     def local(self) -> bool:
-        """Whether it leaves most tracks as they are."""
+        """True if the edit leaves most tracks unchanged."""
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
         """The tracks of rows afterwards, -1 for those that are dropped."""
-        found = track.astype(np.int64)
+        after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
             at, became = step[rows], np.full(len(rows), -1)
             for begin, end, to in pieces:
                 became[(begin <= at) & (at <= end)] = to
-            found[rows] = became
-        return found
+            after[rows] = became
+        return after
 
 
-def renamed(held: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """What becomes of the runs: which each was, its estimate afterwards, begin and end."""
-    still = np.flatnonzero(~np.isin(held.estimate, list(edit.pieces)))
-    found = [(still, held.estimate[still], held.begin[still], held.end[still])]
+def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
+    """Runs after an edit: old number, new estimate, begin and end of each."""
+    still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
+    parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
-        own = np.flatnonzero(held.estimate == track)
+        own = np.flatnonzero(old.estimate == track)
         for first, last, to in pieces:
-            begin, end = np.maximum(held.begin[own], first), np.minimum(held.end[own], last)
+            begin, end = np.maximum(old.begin[own], first), np.minimum(old.end[own], last)
             some = np.flatnonzero(begin <= end)
-            found.append((own[some], np.full(len(some), to), begin[some], end[some]))
-    which, estimate, begin, end = (np.concatenate(part) for part in zip(*found, strict=True))
+            parts.append((own[some], np.full(len(some), to), begin[some], end[some]))
+    which, estimate, begin, end = (np.concatenate(part) for part in zip(*parts, strict=True))
     return which, estimate, begin, end
 
 
@@ -219,7 +219,7 @@ def as_read(estimate: Trajectories) -> Trajectories:
 
 
 def is_same(first: Trajectories, second: Trajectories) -> bool:
-    """Whether all that changes a number is the same of two sides on the same grid."""
+    """Check that two sides on the same grid agree in all that changes a number."""
 
     def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
         around = [] if side.covariance is None else [side.covariance]
@@ -280,8 +280,8 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
-    apart = np.sort(np.diff(times))
-    median = apart[len(apart) // 2].item() if len(apart) else 1
+    spacing = np.sort(np.diff(times))
+    median = spacing[len(spacing) // 2].item() if len(spacing) else 1
     more = np.arange(1, abs(shift) + 1) * median
     fresh = (times[-1] + more if shift > 0 else times[0] - more[::-1]).astype(times.dtype)
     if labels is not None:
@@ -291,7 +291,7 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
-    """What a track has from a step on as a track of its own, with a new name."""
+    """Split a track at a step; the rest becomes a track of its own, with a new name."""
     return Edit(pieces={track: ((0, step - 1, track), (step, steps - 1, tracks))}, fresh=(name,))
 
 
@@ -344,7 +344,7 @@ def of_steps(
 
 
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
-    """Of each change of a truth from one estimate to another the exchange, or merge, of the two."""
+    """Exchange or merge of the two estimates at each change of a truth between them."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
@@ -389,8 +389,8 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
     """The first step from this one on at which one of two tracks exists."""
-    found = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
-    later = np.concatenate([own[own >= step] for own in found])
+    steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
+    later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
 
 
@@ -416,7 +416,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Of each change of an estimate from one truth to another its split; `names` are all ids."""
+    """Split of the estimate at each of its changes of the truth; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -471,9 +471,9 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
         used = np.flatnonzero(~free[rows])
         if not len(used):
             continue
-        for cut in (rows[: used[0]], rows[used[-1] + 1 :]):
-            if len(cut):
-                yield _cut(assigned, track, cut)
+        for ends in (rows[: used[0]], rows[used[-1] + 1 :]):
+            if len(ends):
+                yield _cut(assigned, track, ends)
 
 
 def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
@@ -503,7 +503,7 @@ SAMPLED_PAIRS = 4000
 
 
 class StatePlaces:
-    """Where everything is, for estimates of what repairs save.
+    """Places of all states, for estimating the savings of repairs.
 
     Attributes
     ----------
@@ -532,10 +532,10 @@ class StatePlaces:
     def costs(self, state: Floats, row: Ints) -> Floats:
         """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
         there = row >= 0
-        apart = self.distance(state[there], self.truth.state[row[there]])
-        found = np.full(len(row), np.inf)
-        found[there] = (apart / self.parameters.cutoff) ** self.parameters.order
-        return found
+        distance = self.distance(state[there], self.truth.state[row[there]])
+        costs = np.full(len(row), np.inf)
+        costs[there] = (distance / self.parameters.cutoff) ** self.parameters.order
+        return costs
 
     def apart(self, first: Floats, second: Floats) -> Floats:
         """The difference of states, the shorter way round where a column is periodic."""
@@ -589,8 +589,8 @@ def _with_rows(
         if values is None:
             return None
         table = values.reshape(len(values), -1)
-        found = table[first] + share * (table[second] - table[first])
-        return found[order].reshape(-1, *values.shape[1:])
+        added = table[first] + share * (table[second] - table[first])
+        return added[order].reshape(-1, *values.shape[1:])
 
     likely, track = between(places.existence), int(places.estimate.track[first[0]])
     rows = AddedRows(
@@ -606,7 +606,7 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """What new states save (N,), each of which is to follow a truth at a step."""
+    """Estimated savings (N,) of new states, each to follow a truth at a step."""
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
     alone = assigned.problem.truth_price
@@ -660,12 +660,12 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
     here = problem.truth_price[assigned.truth.find(truth, step)] + side.price[row]
     now = float((here - assigned.cost[row]).sum())
     scale = np.count_nonzero(assigned.follows >= 0) / max(len(row), 1)
-    found = []
+    shifts = []
     for shift in (sign * size for size in SHIFTS for sign in (-1, 1)):
         there = assigned.truth.find(truth, step + shift)
         cost = np.minimum(places.costs(places.estimate.state[row], there), 1.0)
-        found.append((float(((1.0 - cost) * here).sum()) - now, shift))
-    saving, shift = max(found)
+        shifts.append((float(((1.0 - cost) * here).sum()) - now, shift))
+    saving, shift = max(shifts)
     yield Candidate(kind="shift", saving=saving * scale, edit=Edit(shift=shift))
 
 

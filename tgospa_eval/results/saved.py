@@ -202,7 +202,7 @@ MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json pri
 
 
 def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Those that change the number."""
+    """Settings that change the number."""
     return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
 
 
@@ -279,7 +279,7 @@ SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYT
 
 
 def _is_summary(value: Any) -> bool:
-    """Whether it is a record of numbers and such records, with flags, limits and nulls."""
+    """Check for a record of numbers and such records, with flags, limits and nulls."""
     if isinstance(value, dict):
         return all(map(_is_summary, value.values()))
     if value is None or isinstance(value, bool):

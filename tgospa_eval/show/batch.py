@@ -1,4 +1,4 @@
-"""What is shown of a batch: sums of groups, a proven order, a statistical one, curves over time.
+"""Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
 Proven is what holds for these files; statistical is what they say of others like them. Tables, page
 and pictures are made of this.
@@ -265,7 +265,7 @@ class Ranking:
 
     @property
     def p_values(self) -> list[float | None]:
-        """Of the difference of each entry to the first, NaN of itself; None of too few pairs."""
+        """P value of each difference to the first, NaN for itself; None of too few pairs."""
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -285,7 +285,7 @@ class Ranking:
 
     @property
     def others(self) -> str:
-        """What a conclusion by statistics is about."""
+        """The population that a statistical conclusion is about."""
         return "other runs on this truth" if self.truths == 1 else "other truths"
 
 
@@ -353,12 +353,12 @@ class BatchTables:
         return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """What tells a row of the groups from others, in words."""
+        """Labels that distinguish a row of the groups from the others."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
     def unit(self) -> str:
-        """Of the states."""
+        """Unit of the states."""
         return str(self.settings["options"].get("unit") or "")
 
     @property
@@ -439,7 +439,7 @@ class BatchTables:
 
     @cached_property
     def drawn_curves(self) -> list[tuple[int, RmsCurve]]:
-        """Those of the first groups, with numbers of colours."""
+        """Curves of the first groups, each with the number of its colour."""
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
@@ -606,13 +606,13 @@ def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """What groups with slices are called, and these."""
+    """Names of each group that has slices, and its slices."""
     for group, slicings in tables.slices.items():
         yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """The same as columns, with what tells groups apart in front; none if there are no slices."""
+    """Slices of the groups as columns, labels of the group first; no columns without slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -624,7 +624,7 @@ def slices_of_groups(tables: BatchTables) -> Columns:
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
-    """What slices are, where there are some."""
+    """Explain the slices, if there are any."""
     yield from result_text.about_slices(
         [one for slicings in tables.slices.values() for one in slicings]
     )
@@ -723,12 +723,12 @@ def document(tables: BatchTables) -> rendering.Document:
 
 
 def _warns(note: str) -> bool:
-    """Whether a note stands beside the order."""
+    """Check whether the order needs a note."""
     return note.startswith("warning:")
 
 
 def of_expected(jobs: int, expected: int) -> str:
-    """How many jobs have a value, and of how many if one is missing."""
+    """Number of jobs with a value, and of all jobs if one is missing."""
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
@@ -786,7 +786,7 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 
 
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
-    """Of each group that is ranked on all its jobs the ranking, best first, entry, and p value."""
+    """Ranking (best first), entry and p value of each group that is ranked on all its jobs."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
     return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
@@ -860,7 +860,7 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
-    """Both orders in a sentence each."""
+    """The proven and the statistical order, a sentence each."""
     entries, where = ranking.entries, _where(ranking)
     jobs = f"{counted(ranking.jobs, 'job')} each"
     if ranking.jobs < ranking.all_jobs:
@@ -939,7 +939,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 
 def about_others(tables: BatchTables) -> Iterator[str]:
-    """What other metrics are, where they were asked for."""
+    """Explain the other metrics, if they were requested."""
     other = next(result_text.other_records(_with_values(tables)), {})
     if other:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
@@ -947,5 +947,5 @@ def about_others(tables: BatchTables) -> Iterator[str]:
 
 
 def batch_report(tables: BatchTables, format: str) -> str:
-    """What ``--format`` prints."""
+    """Return the report of a batch in the format of ``--format``."""
     return rendering.rendered(format, tables, document, batch_json, batch_columns)

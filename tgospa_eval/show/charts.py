@@ -89,7 +89,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """What pictures are wanted, checked.
+    """Requested pictures, checked.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def pictures(
 
 
 class Place(TypedDict, total=False):
-    """Where of the user's a picture is drawn, if not in a figure of its own."""
+    """Axes or figure of the user for a picture, in place of a figure of its own."""
 
     ax: "Axes"
     figure: "Figure | SubFigure"

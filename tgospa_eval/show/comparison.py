@@ -46,7 +46,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> renderi
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """What looks wrong: with the data, or with an order by covariances, which stands beside it."""
+    """Warnings about the data or about an order by covariances."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -101,7 +101,7 @@ def _order(document: Json) -> str:
 
 
 def _what(document: Json) -> str:
-    """What this is, and what to type for what it is not."""
+    """Explain what this document shows, and which command shows the rest."""
     count = len(document["estimates"])
     if count > 1:
         return f"Ranking of {count} estimates; {rendering.TO_STUDY}"
@@ -374,7 +374,7 @@ def _stages(runs: Sequence[Json]) -> Columns:
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Those of one run."""
+    """Tables of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -550,7 +550,7 @@ DOCUMENTS = {
 
 
 def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
-    """What people read, with where settings come from; `requested` are columns of its table."""
+    """Return the report with the source of its settings; its table has the `requested` columns."""
     made = DOCUMENTS[document["kind"]](document, *([requested] if requested else ()))
     if "settings_file" not in document:
         return made
@@ -559,7 +559,7 @@ def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
 
 
 def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
-    """What ``--format`` prints; `requested` are columns of the table of estimates."""
+    """Return the report in a format; its table of estimates has the `requested` columns."""
     made = partial(page, requested=requested)
     return rendering.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
@@ -588,7 +588,7 @@ def sweep_document(sweep: SweepEvaluation) -> rendering.Document:
         ],
         tables=[rendering.table_of(table)],
         notes=list(_sweep_notes(sweep)),
-        warnings=sweep.told,
+        warnings=sweep.messages,
     )
 
 
@@ -620,7 +620,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Where the counts do not depend on the parameter; of the best assignments only."""
+    """Report the values between which the counts stay the same; best assignments only."""
     letter = rendering.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return

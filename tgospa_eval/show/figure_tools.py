@@ -114,7 +114,7 @@ def label(axis: Axes, x: str, y: str, title: str) -> None:
 
 
 def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
-    """What is to be seen, and of what, where pictures have titles."""
+    """Write the title of the axes and its subject, if pictures have titles."""
     if not style.titles or isinstance(PLACE.get(), Axes):
         return
     axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
@@ -122,7 +122,7 @@ def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
 
 
 def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int) -> None:
-    """Above the axes, where it hides nothing."""
+    """Draw the legend above the axes, where it hides nothing."""
     if handles:
         tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
         where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
@@ -150,7 +150,7 @@ def power(unit: str, order: float) -> str:
 
 
 class ShownFigure(Figure):
-    """As a cell of a notebook ends with it; pyplot, where someone uses it, has its own way.
+    """Figure that a notebook shows at the end of a cell; pyplot has its own way.
 
     It is drawn with the settings with which it was made, whatever those of the user are.
     """
@@ -179,7 +179,7 @@ class ApartLocator(AutoLocator):
     """Ticks across, so few that their labels do not touch, however long and in whatever room."""
 
     def __call__(self) -> list[float]:
-        """Where they are."""
+        """Return the positions of the ticks."""
         axis: Any = self.axis
         ticks = list(super().__call__())
         low, high = sorted(axis.get_view_interval())
@@ -191,7 +191,7 @@ class ApartLocator(AutoLocator):
 
 
 def _apart(axis: Any, ticks: list[float], low: float, high: float) -> bool:
-    """Whether there are gaps between the labels, by the usual widths of their signs."""
+    """Check for gaps between the labels, by the usual widths of their characters."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
     texts = axis.get_major_formatter().format_ticks(ticks)

@@ -41,7 +41,7 @@ AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What one kind of folder holds.
+    """Contents of one kind of folder.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Whether the folder is one of this kind; what the log says is for its reader."""
+        """Check whether the folder is of this kind; the content of its log is for its reader."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():

@@ -110,7 +110,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """What every page with views holds."""
+    """Values that every page with views needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -121,7 +121,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """What every page of a result says."""
+    """Values that every page of a result shows."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -161,7 +161,7 @@ USED_BY_TEMPLATES = {
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """What makes a page: all text that is put into it is escaped."""
+    """Template of a page; it escapes all text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
@@ -212,7 +212,7 @@ def packed(arrays: dict[str, Ints]) -> str:
 
 
 def page_colours() -> str:
-    """Those of all pictures, as style; paper is white."""
+    """Colours of all pictures as a style; paper is white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -250,11 +250,11 @@ def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> di
 
 
 def card(result: Evaluation) -> str:
-    """What a notebook shows: a headline and the four parts."""
+    """Return the HTML that a notebook shows: a headline and the four parts."""
     rows = [row[:4] for row in result_text.part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
-        *result.told,
+        *result.messages,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
         *filter(None, [result.not_judged]),
@@ -327,7 +327,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
 
 
 def _shades() -> str:
-    """Those of the heat table, on paper and on a dark screen, and the looks of groups."""
+    """Shades of the heat table, on paper and on a dark screen, and the styles of groups."""
     light, dark = (
         " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
         for colours in (LIGHT, DARK)
@@ -344,7 +344,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """What was evaluated, and against what, as it was named."""
+    """Names of the estimates and of the ground truth, as they were given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -447,7 +447,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """What was evaluated, and how, in lines."""
+    """Inputs and settings of the evaluation, a line each."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:

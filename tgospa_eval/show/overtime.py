@@ -175,7 +175,7 @@ def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, lis
 
 
 def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False) -> None:
-    """From the first step to the last, with the times as names."""
+    """Set the axis from the first step to the last, with times as labels."""
     begin, end = seen.time.edges
     ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
     name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
@@ -304,7 +304,7 @@ MANY = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Which tracks of a side have a lane, and where.
+    """Lanes of the tracks of a side.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ class Lanes:
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Where lanes are; not a number for tracks without one of their own."""
+        """Positions of the lanes; NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
@@ -457,12 +457,12 @@ def _room(style: Style) -> float:
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Of each step the column in which it is drawn."""
+    """Column in which each step is drawn."""
     return step * columns // max(steps, 1)
 
 
 def _column_edges(seen: PlotData, columns: int) -> tuple[Floats, Floats]:
-    """Where each column begins and ends."""
+    """Begin and end of each column."""
     first = -(-np.arange(columns + 1) * seen.steps // columns)
     begin, end = seen.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
@@ -478,7 +478,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
-    """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
+    """Draw the share of wrong steps of each column, from the top of its lane down."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return

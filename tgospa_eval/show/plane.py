@@ -64,7 +64,7 @@ SPECK = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plane:
-    """What is drawn, in which two columns, in which style."""
+    """Data of the plane, its two columns and its style."""
 
     seen: PlotData
     across: str
@@ -73,7 +73,7 @@ class Plane:
 
     @property
     def timed(self) -> bool:
-        """Whether one of them is the time."""
+        """True if one of the two columns is the time."""
         return TIME in (self.across, self.up)
 
     @cached_property
@@ -82,7 +82,7 @@ class Plane:
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Of z' C^-1 z = radius^2 in both columns how far it reaches, and what they share, (3, R).
+        """Reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
         `packed` are lower triangles of C. Over the time it is the interval of the other column.
         """
@@ -100,7 +100,7 @@ class Plane:
 
     @cached_property
     def extents(self) -> dict[str, Floats]:
-        """The same of what is around each state, 0 where it is nothing, by side.
+        """Reach of the shape around each state by side, 0 without a shape.
 
         Boxes are known of their edges and centres.
         """
@@ -116,7 +116,7 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """The same of the gates around the first side of an association."""
+        """Reach of the gates around the first side of an association."""
         gate = self.seen.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 

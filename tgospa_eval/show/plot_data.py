@@ -1,4 +1,4 @@
-"""From a result to what page and pictures draw: costs, lanes, positions, events. Plain data.
+"""Plain data for the page and pictures of a result: costs, lanes, positions, events.
 
 A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
@@ -86,7 +86,7 @@ RUN = ("track", "begin", "end", "other")
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
-    """What is across and up.
+    """Return the columns of the horizontal and the vertical axis.
 
     Raises
     ------
@@ -147,7 +147,7 @@ class DrawnSide:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlotData:
-    """What is drawn: the page takes the document and the arrays, pictures that and the sides.
+    """Data to draw: the page uses the document and arrays, pictures use the document and sides.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class PlotData:
 
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
-        """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
+        """Values of each side's rows for the plane: columns, centres of boxes, the time."""
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
@@ -182,13 +182,13 @@ class PlotData:
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """What the plane can show of states (R, d) at these steps."""
+        """Values that the plane can show of states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
         shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
         return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
-        """What a side or a part is called."""
+        """Name of a side or a part."""
         return str(self.document["words"].get(name, name))
 
     @property
@@ -221,7 +221,7 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 
 
 def _result_data(result: Evaluation) -> PlotData:
-    """What page and pictures of a result draw.
+    """Data for the page and pictures of a result.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
@@ -250,7 +250,7 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 
 
 def _association_data(pairing: Pairing) -> PlotData:
-    """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
+    """Data to draw an association: its sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
     """
@@ -299,7 +299,7 @@ def drawn_data(
     document: Json,
     about: str,
 ) -> PlotData:
-    """What is drawn of the rows of both sides, whose clouds lie one behind the other.
+    """Data to draw the rows of both sides; their clouds lie one behind the other.
 
     `tables` are those of the tracks; `document` says what is drawn over time.
     """
@@ -399,12 +399,12 @@ def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
 
 
 def is_map(names: Collection[str]) -> bool:
-    """Whether states have latitude and longitude, in degrees."""
+    """Check whether states have latitude and longitude, in degrees."""
     return {"lat", "lon"} <= set(names)
 
 
 def is_box(columns: Sequence[str]) -> bool:
-    """Whether states are boxes in pictures."""
+    """Check whether states are boxes in pictures."""
     return tuple(columns[: len(BOX)]) == BOX
 
 
@@ -417,13 +417,13 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """How many times longer a degree of latitude is than one of longitude, at the mean latitude."""
+    """Length of a degree of latitude over one of longitude, at the mean latitude."""
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
+    """(cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -603,7 +603,7 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
 
 
 def _repairs(result: Evaluation) -> Columns:
-    """Of each repair the numbers of its tracks, its steps, and itself in words."""
+    """Track numbers and steps of each repair, and the repair in words."""
     explained = explanation_of(result)
     repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
@@ -639,7 +639,7 @@ ANGLE = 64
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """How the numbers of both sides are to be read; nothing where there are no ellipses.
+    """Scales of the packed numbers of both sides; empty without ellipses.
 
     Parameters
     ----------
@@ -762,7 +762,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
+    """Data over time of at most so many stretches of steps: means, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)

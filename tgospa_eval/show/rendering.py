@@ -217,7 +217,7 @@ def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """What a report consists of: what it is, one sentence, lines about the problem, tables, notes.
+    """A report: title, one sentence, lines about the problem, tables, notes.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def rendered(
     json: Callable[[T], str],
     columns: Callable[[T], Columns],
 ) -> str:
-    """What ``--format`` prints of a subject, with what makes each of it."""
+    """Return a subject in the format of ``--format``, by the function for that format."""
     if format == "json":
         return json(subject)
     return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
@@ -428,7 +428,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
 
 
 def _is_numeric(table: Table, column: int) -> bool:
-    """Whether all cells of a column are numbers, or empty."""
+    """Check whether all cells of a column are numbers or empty."""
     cells = [row[column] for row in table.rows if len(row) > column and row[column]]
     return bool(cells) and all(re.fullmatch(_NUMBER, str(cell)) for cell in cells)
 
@@ -591,7 +591,7 @@ def unit_of(parameters: Mapping[str, Any]) -> str:
 
 
 def size_of(sizes: Mapping[str, int]) -> str:
-    """How large a problem is."""
+    """Size of a problem in words."""
     return (
         f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
@@ -683,7 +683,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Which are proven to be better than all others, or equal to such; or to have this place."""
+    """Entries proven to be best, alone or as equals; or proven to have this place."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 

@@ -85,7 +85,7 @@ def other_table(other: OtherMetrics) -> Table:
 
 
 def similarity(other: OtherMetrics) -> Iterator[str]:
-    """What HOTA, MOTA and IDF1 compare, a sentence if there is one of them."""
+    """Explain what HOTA, MOTA and IDF1 compare, if there is one of them."""
     if "similarity" not in other:
         return
     zero, threshold = other["similarity"]["zero"], other["similarity"]["threshold"]
@@ -130,7 +130,7 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Whether covariances say how large errors are, and what they cost; if all say so.
+    """Table of the NEES and the cost of covariances, if all have a NEES.
 
     Items have the costs of means and of spreads, and the record of NEES.
     """
@@ -167,7 +167,7 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 
 
 def direction(other: OtherMetrics) -> Iterator[str]:
-    """Which of the columns of a ranking are the better the higher, and what they compare."""
+    """Explain which columns of a ranking are better when higher, and what they compare."""
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
@@ -176,7 +176,7 @@ def direction(other: OtherMetrics) -> Iterator[str]:
 
 
 def other_columns(records: Sequence[OtherMetrics]) -> Columns:
-    """Every number, a column each."""
+    """All numbers of the other metrics, a column each."""
     return {
         f"{key}_{name}": [record[key][name] for record in records]
         for key, record in records[0].items()
@@ -262,14 +262,14 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """The same for a terminal."""
+    """Lines of the slices for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:
-    """Of the total, in percent."""
+    """Share of the total in percent."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"
 
 
@@ -383,7 +383,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
 
 
 def _unassigned(result: Evaluation) -> str:
-    """What missed and false targets cost."""
+    """Cost of missed and of false targets."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -407,7 +407,7 @@ def _power(value: float, order: float) -> str:
 
 
 def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
-    """Of each part its name, cost, share and count, and what is counted."""
+    """Name, cost, share and count of each part, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
@@ -438,7 +438,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
+    """Report of a result for Markdown and LaTeX: a small table, and all that was requested."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
@@ -465,7 +465,7 @@ def document(result: Evaluation) -> Document:
             *about_slices(result.sliced, certified=result.certified),
             *(() if repairs is None else repair_notes(repairs)),
         ],
-        warnings=result.told,
+        warnings=result.messages,
     )
 
 
@@ -564,7 +564,7 @@ def _curve(result: Evaluation) -> Iterator[str]:
 
 
 def _windows(result: Evaluation) -> Iterator[str]:
-    """How many windows there are, and the worst of them."""
+    """Number of windows, and the worst of them."""
     table, windows = result.table("windows"), result.slid
     if windows is None or not table["t_first"]:
         return
@@ -584,7 +584,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """How many of several values are exact."""
+    """Say how many of several values are exact."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
@@ -630,7 +630,7 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Which single repairs of the estimate would save most, if that was asked for."""
+    """Single repairs of the estimate that would save most, if they were requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -711,7 +711,7 @@ def repair_table(result: Evaluation, explanation: Explanation) -> Table:
 
 
 def _saving(result: Evaluation, repair: Repair) -> str:
-    """What a repair saves of the total: a number, or the proven range where that is wide."""
+    """Saving of a repair: a number, or the proven range if it is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
         return number(repair.saving_upper)
@@ -719,7 +719,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """How the savings are known, and that they are not additive."""
+    """Notes on how the savings are known, and that they do not add up."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is known to save anything ({several} tried)"
@@ -729,7 +729,7 @@ def repair_notes(explanation: Explanation) -> Iterator[str]:
 
 
 def explanation_document(explanation: Explanation) -> Document:
-    """What cost most, and the repairs."""
+    """Report of the largest costs and the repairs."""
     result = explanation.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
@@ -747,7 +747,7 @@ def explanation_document(explanation: Explanation) -> Document:
         ],
         tables=[repair_table(result, explanation)] if explanation.repairs else [],
         notes=list(repair_notes(explanation)),
-        warnings=result.told,
+        warnings=result.messages,
     )
 
 
@@ -823,7 +823,7 @@ def association_text(
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """What changed, on the whole; the arguments are parts of the document."""
+    """Overall changes in words; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],

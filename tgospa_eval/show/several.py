@@ -51,12 +51,12 @@ AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
 def _seen(*errors: Iterable[float | None]) -> bool:
-    """Whether one of them is more than none."""
+    """Check whether one of them is more than zero."""
     return any(error is not None and error > FLOOR for each in errors for error in each)
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
+    """Draw the errors of the bounds of `sinkhorn` against all runs' bounds, by temperature."""
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
     entropic = [run["entropic"] or {} for run in runs]
@@ -88,7 +88,7 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
+    """Draw the time over the error; bars of the time if there is no error."""
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
@@ -145,7 +145,7 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
 
 
 def _legend(made: Figure, axis: Axes, columns: int) -> None:
-    """Above the axes, of what is named in these."""
+    """Draw the legend above the axes, of all labels in these axes."""
     handles, names = axis.get_legend_handles_labels()
     legend(made, handles, names, columns)
 
@@ -194,7 +194,7 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Whether not all failed, or contradict each other."""
+    """Check whether a run succeeded and contradicts no other."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
@@ -491,7 +491,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """What there is of each group over time in one figure: costs per step, counts, NEES."""
+    """Draw all curves of each group over time in one figure: costs per step, counts, NEES."""
     curves = [(track, curve) for track, curve in tables.drawn_curves if curve.kind == "step"]
     lines = [
         name
@@ -538,7 +538,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """The same of the parts."""
+    """Draw the curves of the parts."""
     return draw_curves(tables, style, parts=True)
 
 

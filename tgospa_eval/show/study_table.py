@@ -133,7 +133,7 @@ def value_name(order: float | None, jobs: int) -> str:
 
 
 def study_caption(title: str, parameters: Mapping[str, Any]) -> str:
-    """What the table shows, for a paper."""
+    """Caption of the table for a paper."""
     about = parameters_of(parameters).replace("gamma", "\u03b3")
     return (
         f"{title} and its parts over runs and time steps{' (' * bool(about)}{about}"
@@ -193,7 +193,7 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Whether a column can be left out: all have as many jobs, or rows are in the proven order."""
+    """Check whether a column adds nothing: equal job counts, or rows in the proven order."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
@@ -278,7 +278,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """How far values are above the least, so that those that differ by roundings are equal."""
+    """Distance of the values above the least; values that differ by rounding are equal."""
     least, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(least), abs(largest)) or 1.0
     return [_exact(round((value.upper - least) / width)) for value in values]

@@ -137,7 +137,7 @@ FILES: Mapping[str, dict[str, Any]] = {
 
 
 def available() -> bool:
-    """Whether matplotlib is installed."""
+    """Check whether matplotlib is installed."""
     return find_spec("matplotlib") is not None
 
 
@@ -176,7 +176,7 @@ class Style:
 
     @property
     def wide(self) -> bool:
-        """Whether there is room for several panels side by side."""
+        """True if there is room for several panels side by side."""
         return self.width > 5
 
     @property

@@ -23,7 +23,7 @@ WHOLE = 2.0**53
 
 
 def moments(times: Sequence[Time]) -> Json:
-    """How times are drawn, as a part of the document of the page.
+    """Description of the time axis for the document of the page.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def _usual(values: Floats) -> tuple[Floats, float]:
 
 
 def uneven(values: Floats) -> bool:
-    """Whether gaps would take most of an axis, or values do not grow."""
+    """Check whether gaps would take most of an axis, or values do not grow."""
     gaps, usual = _usual(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -98,7 +98,7 @@ FORMS = "%Y-%m-%d", "%Y"
 
 @dataclass(frozen=True, kw_only=True)
 class TimeAxis:
-    """Where steps are on an axis of time, and its ticks.
+    """Positions of the steps on an axis of time, and its ticks.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ class TimeAxis:
 
     @cached_property
     def at(self) -> Floats:
-        """Where each step is on the axis."""
+        """Position of each step on the axis."""
         if self.axis["kind"] == "step":
             return np.arange(len(self.times), dtype=float)
         return np.asarray(self.axis["values"] or self.times, float)
 
     @cached_property
     def edges(self) -> tuple[Floats, Floats]:
-        """Where each step begins and ends: in the middle between it and its neighbours.
+        """Begin and end of each step: the middle between it and its neighbours.
 
         Beside a gap it ends as beside a neighbour.
         """
@@ -145,7 +145,7 @@ class TimeAxis:
 
     @cached_property
     def shared(self) -> str:
-        """Of times that are texts with what all begin, as the date."""
+        """Common beginning of times that are texts, such as the date."""
         if len(self.labels) < 2:
             return ""
         first, last = self.labels[0], self.labels[-1]

@@ -1,4 +1,4 @@
-"""What trackers do wrong, one function each. Knows no scenario and no file.
+"""Errors of trackers, one function each. Knows no scenario and no file.
 
 Each takes states (T, n, d), NaN where absent, and returns new ones. A column is a track; before
 `swap` and `fragment` column i follows target i. Meetings are those of
