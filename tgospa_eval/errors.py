@@ -25,7 +25,7 @@ class ExitStatus(IntEnum):
     NOT_PROVEN = 1  # of verify: the folder does not prove its claim
     WRONG_OPTION = 2
     WRONG_INPUT = 3
-    NOT_REACHED = 4  # the accuracy that was asked, or a fault of a solver or of ours
+    NOT_REACHED = 4  # the requested accuracy, or a fault of a solver or of this program
     INTERRUPTED = 130
 
 

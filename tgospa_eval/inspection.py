@@ -252,7 +252,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 
 
 # -------------------------------------------------------------------------------------------------
-# What was read, as a table of 80 columns or as JSON.
+# The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""

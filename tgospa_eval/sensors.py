@@ -195,7 +195,7 @@ class Pairing:
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Rows of the sides, and the distances of the pairs that they are; None of `NOBODY`."""
+        """Table of rows of both sides and the distances of pairs; None for `NOBODY`."""
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
@@ -301,7 +301,7 @@ def _means_apart(
 
 
 # -------------------------------------------------------------------------------------------------
-# Clouds of a whole recording reduced, and what that changed. Knows no file.
+# Clouds of a whole recording reduced, and the changes. Knows no file.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
 """Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""

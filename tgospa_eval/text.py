@@ -47,13 +47,13 @@ def visible_lines(text: str) -> str:
 
 
 def clipped(text: str, most: int = CLIPPED_LENGTH) -> str:
-    """The beginning of the text, all of it to be seen, with dots for what is left out."""
+    """Beginning of the text, all of it visible, with dots for the rest."""
     shown = visible(text[: most + 1])
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."
 
 
 def ending(text: str, most: int) -> str:
-    """The end of the text, in which names and paths differ, with dots for what is left out."""
+    """End of the text, in which names and paths differ, with dots for the rest."""
     return text if len(text) <= most else f"...{text[len(text) - most + 3 :]}"
 
 

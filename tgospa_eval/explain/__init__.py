@@ -48,7 +48,7 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
-# Proof of what a repair saves: what it touches is evaluated again, the bounds of the rest stay.
+# Proof of savings: the components that a repair touches are evaluated again, others keep bounds.
 #
 #     V = sum over components of V_b + sum of the prices of what is near to none,
 #
@@ -110,7 +110,7 @@ class Trials:
             progress.again("repairs", done / len(candidates))
             try:
                 tried.append((candidate, *self._trial(candidate.edit, stopwatch)))
-            except (ConfigError, InputError):  # such as no step that counts is left
+            except (ConfigError, InputError):  # for example, no step that counts is left
                 continue
         return tried
 
@@ -221,7 +221,7 @@ class Trials:
         return bounds, split.total
 
     def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
-        """The assignment and the prices at hand, with the names of tracks after the edit."""
+        """Current assignment and prices, with the numbers of tracks after the edit."""
         old = self.assigned.held
         run, estimate, begin, end = renamed(old, edit)
         became = edit.tracks(old.priced, old.step)
@@ -377,7 +377,7 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """A candidate with its names and what is proven of the cost after it."""
+    """Repair of a candidate, with its names and the proven cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))

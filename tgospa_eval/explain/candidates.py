@@ -1,4 +1,4 @@
-"""Repairs that may save something, with what they would save if nothing else changed.
+"""Repairs that may save cost, with their savings if nothing else changed.
 
 Costs are in units of c^p. What is said here only decides what is tried: `explain.explain` proves.
 """
@@ -28,7 +28,7 @@ from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories,
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
 # -------------------------------------------------------------------------------------------------
-# What a repair does to the rows of an estimate. Knows no metric.
+# Edits of the rows of an estimate. Knows no metric.
 
 NO_PARTNER = -1
 """The partner of what is assigned to nothing."""
@@ -186,7 +186,7 @@ class Edit:
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """The tracks of rows afterwards, -1 for those that are dropped."""
+        """Tracks of the rows after the edit, -1 for dropped rows."""
         after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
@@ -212,7 +212,7 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """The estimate with what files say of it, without marks that options made."""
+    """Estimate as read from files, without marks made by options."""
     made = NOT_JUDGED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
@@ -256,7 +256,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past puts stamps before the others, and those keep their numbers.
+    # A shift to the past puts new stamps before the others, which keep their numbers.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -276,7 +276,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """The stamps that a shift needs, and as they are written: they go on by the median step."""
+    """Stamps for a shift and their texts: they continue by the median step."""
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
@@ -338,7 +338,7 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """A candidate about what is from the first of some steps to the last."""
+    """Candidate about a track between the first and the last of some steps."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
@@ -405,7 +405,7 @@ def _changes(estimates: list[int]) -> int:
 
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
-    """Changes of a truth at a step that there are, less those after an exchange from it on."""
+    """Number of changes of a truth that an exchange from a step on would save."""
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
     if not before or after == len(stretches):
@@ -454,7 +454,7 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # What follows a truth is worth what the truth costs without it, less the pair.
+    # A state that follows a truth saves the cost of a missed truth, less the cost of the pair.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -578,7 +578,7 @@ def _with_rows(
     ends: tuple[Ints, Ints],
     share: Floats,
 ) -> Candidate:
-    """New rows of a track; what is beside states is on the line between two of its rows (N,).
+    """New rows of a track; values beside states are interpolated between two of its rows (N,).
 
     `share` (N, 1) is how far from the first to the second.
     """
@@ -670,7 +670,7 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """The whole estimate without the median difference to what it follows."""
+    """The whole estimate without its median difference to the truth that it follows."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):

@@ -54,7 +54,7 @@ def chi_square(share: float, freedom: Floats | float) -> Any:
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Between which ends the mean of so many independent NEES is, with this probability."""
+    """Interval of the mean of so many independent NEES at this probability."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
@@ -199,7 +199,7 @@ class NeesSums:
 
     @property
     def in_words(self) -> str:
-        """Mean, what is expected of it, and what follows."""
+        """Mean, its expected value and the verdict, in words."""
         if not self.pairs:
             return f"none: {self.verdict}"
         low, high = band(self.independent, self.components)

@@ -333,7 +333,7 @@ class Evaluation(ABC):
         return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
-        """Cutoff, order, switch penalty, and what makes it another metric of the family."""
+        """Cutoff, order, switch penalty and other options of the metric, in words."""
         return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
@@ -422,7 +422,7 @@ class Evaluation(ABC):
         return table
 
     def first_switches(self, most: int) -> tuple[records.Columns, int]:
-        """The first rows of the table of switches, so many at most, and how many it has."""
+        """First rows of the table of switches, at most so many, and the number of all rows."""
         table = self.table("switches")
         return {name: column[:most] for name, column in table.items()}, len(table["t"])
 

@@ -1,4 +1,4 @@
-"""Single changes of an estimate, and what each is proven to save. Computes nothing."""
+"""Single changes of an estimate and their proven savings. Computes nothing."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -34,7 +34,7 @@ NOT_ADDITIVE = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repair:
-    """One change of the estimate, and what is proven of it.
+    """Change of the estimate and its proven saving.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Gradient:
-    """Derivatives at the reported assignment, which is held (envelope theorem).
+    """Derivatives at the reported assignment, which is kept fixed (envelope theorem).
 
     Parameters
     ----------

@@ -100,13 +100,13 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """The rows with the highest sums of some columns, of equal ones the first; none of 0."""
+        """Rows with the highest sums of some columns, none of 0; of equal ones the first."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
                 columns = [np.asarray(batch[name], float) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
-                # Only what is dearer than the last of those that are known can come before it.
+                # A later row replaces a known one only if it costs more than the cheapest of these.
                 least = best[-1][0] if best and len(best) == count else 0.0
                 dear = np.flatnonzero(cost > least)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
@@ -181,7 +181,7 @@ class PartitionedResult(Evaluation):
         return self.tables.columns(name)
 
     def first_switches(self, most: int) -> tuple[Columns, int]:
-        """The first rows of the table of switches, so many at most, and how many it has."""
+        """First rows of the table of switches, at most so many, and the number of all rows."""
         return self.tables.columns("switches", most), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
@@ -197,7 +197,7 @@ class PartitionedResult(Evaluation):
         return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
-        """The tables by their names in the result folder, and those records that are not many."""
+        """Names of the tables in the result folder, and the short records."""
         fields: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
         if len(self.labels.times) <= MOST_RECORDS:
             fields["per_step"] = records(self.table("per_step"))

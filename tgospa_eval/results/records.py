@@ -1,4 +1,4 @@
-"""The plain records of a result: tables, labels, costs, scores, both sides, what is proven of them.
+"""Plain records of a result: tables, labels, costs, scores, both sides and their proof.
 
 Knows no solver and no file.
 """
@@ -225,7 +225,7 @@ class Calibration:
     def similarity(
         self, value: float, bounds: tuple[float, float], parameters: Parameters
     ) -> "Similarity":
-        """The score of a value per step, and what its bounds prove of it."""
+        """Score of a value per step, and its bounds."""
         beta = self.beta(parameters)
         ends = []
         for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
@@ -300,7 +300,7 @@ def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
 
 
 # -------------------------------------------------------------------------------------------------
-# The two sides as they were compared, and what is proven of them. Knows no solver and no file.
+# The two sides as they were compared, and their proof. Knows no solver and no file.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -58,7 +58,7 @@ class Slice:
 
     @property
     def detection_rate(self) -> float | None:
-        """Assigned states by those of the truth, as in the summary."""
+        """Share of the truth's states that are assigned, as in the summary."""
         return _ratio(self.assigned_steps, self.truth_steps)
 
     @property
@@ -172,7 +172,7 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:
-    """All slices in one table, with what they are by in front."""
+    """All slices in one table; the first column names the attribute."""
     tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
         (one.by, one.table()) for one in slicings
     ]
@@ -183,7 +183,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names of slices: numbers by their values, what has none at the end."""
+    """Names of slices in order: numbers by their values, unnamed slices at the end."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 

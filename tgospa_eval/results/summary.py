@@ -173,7 +173,7 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """A share in percent; what is not all is not 100 %, what is not nothing not 0 %."""
+    """Share in percent; only a full share is shown as 100 %, only none as 0 %."""
     if share is None:
         return "-"
     share = round(share, 12)  # sums of weights have roundings
@@ -187,7 +187,7 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """The summary in words, a name and what is known; lines without a number are left out.
+    """Summary in words, a name and its numbers a line; without lines that have no number.
 
     `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
     """
@@ -285,7 +285,7 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """The ratio; None of nothing by nothing."""
+    """Ratio; None for 0 / 0."""
     return value / by if by else None
 
 

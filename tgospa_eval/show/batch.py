@@ -84,7 +84,7 @@ Band = tuple[Sequence[float | None], Sequence[float | None]]
 
 @dataclass(frozen=True, kw_only=True)
 class RmsCurve:
-    """One curve: of the runs of a group, over the K times at which any of them has a step.
+    """RMS curve of the runs of a group over the K times at which any run has a step.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class RmsCurve:
 def on_one_axis(
     curves: Sequence[RmsCurve],
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
-    """The axis of the times of all these curves, where on it those of each are, and its ends.
+    """Common time axis of all curves, positions of each curve's times on it, and its ends.
 
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
     """
@@ -260,7 +260,7 @@ class Ranking:
 
     @property
     def value(self) -> str:
-        """The name of what they are ranked by."""
+        """Name of the ranked value."""
         return study_table.value_name(self.order, self.jobs)
 
     @property
@@ -390,7 +390,7 @@ class BatchTables:
 
     @cached_property
     def compared(self) -> dict[str, int]:
-        """Values of the first label, those that are ranked first, with numbers of colours."""
+        """Values of the first label, ranked ones first, each with the number of its colour."""
         names = [entry["name"] for ranking in self.rankings for entry in ranking.entries]
         if self.by:
             names += sorted(self.values_of(self.by[0]).unique())
@@ -472,7 +472,7 @@ def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Inter
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """The bracket of a value of a row of a ranking, which is the upper end itself."""
+    """Bracket of a value of a row of a ranking; the value is its upper end."""
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
@@ -551,7 +551,7 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # Of many rows those with the largest value of their set; failed jobs are infinite.
+    # Of many rows, those with the largest values of their set are shown; failed jobs first.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
@@ -685,7 +685,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """The rows as plain values, None for what is not there."""
+    """Rows as plain values, None for missing ones."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -703,7 +703,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def document(tables: BatchTables) -> rendering.Document:
-    """The tables by groups and the rankings, with what they are."""
+    """JSON document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return rendering.Document(
@@ -834,7 +834,7 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Rows that have the same jobs, and differ in nothing but in the label that is ranked."""
+    """Rows with the same jobs that differ only in the ranked label."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
@@ -880,7 +880,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """For which parameters a ranking is, if there are several."""
+    """Parameters of a ranking, if there are several sets of them."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 

@@ -403,7 +403,7 @@ def study_document(document: Json) -> rendering.Document:
 
 
 def study_report(document: Json, pictures: Iterable[str]) -> str:
-    """The report as Markdown, with those of its pictures that Markdown shows."""
+    """Report as Markdown, with the pictures that Markdown can show."""
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")

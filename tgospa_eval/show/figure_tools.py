@@ -31,7 +31,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """An empty figure of inches, and its axes as a (rows, columns) array; or those of `PLACE`.
+    """Empty figure, sizes in inches, and its axes as a (rows, columns) array; or those of `PLACE`.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
     target = io.BytesIO()
     with warnings.catch_warnings():
-        # An id in a script that the font does not have is drawn as boxes, which says enough.
+        # An id in a script that the font lacks is drawn as boxes; a warning would add nothing.
         warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
         made.set_dpi(dots)
         canvas, engine = FigureCanvasAgg(made), made.get_layout_engine()
@@ -106,10 +106,10 @@ def counted(which: Axis) -> None:
 
 
 def label(axis: Axes, x: str, y: str, title: str) -> None:
-    """Names of the axes, and what is to be seen."""
+    """Set the names of the axes and the title."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
-    if not isinstance(PLACE.get(), Axes):  # which have a title of the user's
+    if not isinstance(PLACE.get(), Axes):  # axes of the user keep their own title
         axis.set_title(title, fontsize="medium", loc="left")
 
 
@@ -146,7 +146,7 @@ def power(unit: str, order: float) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a notebook shows of a figure, without %matplotlib and without a window; ticks.
+# Figures in a notebook, without %matplotlib and without a window; ticks.
 
 
 class ShownFigure(Figure):

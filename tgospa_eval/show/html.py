@@ -407,7 +407,7 @@ def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """All pairs of few, else those of neighbours."""
+    """All pairs of few entries, else the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:

@@ -68,7 +68,7 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     # outlines leave something to see of bars that are narrow
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if seen.steps else ():
-        # What costs nothing has no outline either.
+        # A bar of no cost has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         looks = {"linewidth": thin, "label": names[name], **FILLS[name]}
@@ -168,7 +168,7 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Edges of bars one after the other, and their values, with holes where there is nothing."""
+    """Edges and values of consecutive bars, with gaps between those that do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
@@ -186,7 +186,7 @@ def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False
 def name_times(
     axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
-    """Ends, ticks and name of an axis of time in a picture of so many inches."""
+    """Set ends, ticks and name of a time axis in a picture of so many inches."""
     letters = float(axis.xaxis.label.get_fontsize())
     characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
@@ -197,7 +197,7 @@ def name_times(
 
 
 # -------------------------------------------------------------------------------------------------
-# What costs most: steps, truths and estimates, as bars that say why.
+# The costliest steps, truths and estimates, as bars of their parts.
 
 THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
@@ -247,7 +247,7 @@ def _costs(side: DrawnSide) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Names and costs of those that cost most, free ones left out."""
+    """Names and costs of the costliest, without those of no cost."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -400,7 +400,7 @@ def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
-    """One collection; what is too much for a vector file becomes dots there."""
+    """Add a collection to the axes; as dots if it is too large for a vector file."""
     polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
@@ -412,7 +412,7 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
 def _bars(
     axis: Axes, lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
-    """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
+    """Draw assigned stretches as bars and others as frames; return the legend's entries.
 
     Where there are more steps than can be distinguished, `whole` is false, and those that are not
     are shown by `_shares`.
@@ -505,7 +505,7 @@ def _errors(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
     begin, end = _column_edges(seen, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
-    # As one outline for each cell, which is a fraction of a bar.
+    # One outline for each cell; a cell is a fraction of a bar.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
@@ -521,7 +521,7 @@ def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     most = count.max(initial=0.0) or 1.0
     begin, end = _column_edges(seen, columns)
     low = lanes.end - 1 + HALF
-    # What is wrong at all is seen.
+    # Even the smallest error stays visible.
     height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
@@ -530,7 +530,7 @@ def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
 
 
 def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
-    """One of those that would lie on each other in a column of a lane: the largest, the first."""
+    """Select one switch for each column of a lane: the largest, of equal ones the first."""
     if steps <= columns:
         return np.arange(len(place))
     cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
@@ -560,7 +560,7 @@ def _switches(
 
 
 def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
-    """Ids of the other side inside stretches where there is room, the longest first."""
+    """Write ids of the other side into stretches with room for them, the longest first."""
     if letters < 4 or not seen.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"

@@ -235,7 +235,7 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Lines from these estimates to those that they are assigned to at the same step, (2, 3 K)."""
+    """Lines from these estimates to the truths that they are assigned to, (2, 3 K)."""
     truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
@@ -354,7 +354,7 @@ def _name_axes(axis: Axes, plane: Plane) -> None:
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
-    """These states with all that is around them, and lines between those that are assigned."""
+    """Draw these states, the shapes around them, and lines between assigned ones."""
     seen, place = plane.seen, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -416,7 +416,7 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """A line for each stretch of steps, those of estimates in turn in several colours."""
+    """Draw a line for each stretch of steps; estimates take several colours in turn."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
         return {}
@@ -562,7 +562,7 @@ def rows_of_switches(seen: PlotData) -> Ints:
 
 
 # -------------------------------------------------------------------------------------------------
-# What was read, before anything is compared: the plane, and who is there when.
+# The data as read, before any comparison: the plane, and the tracks over time.
 
 LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},

@@ -377,7 +377,7 @@ def drawn_data(
 
 
 def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Particles of the clouds of every so many steps.
+    """Particles of the clouds at every `every`-th step.
 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
     slot chooses them: each stands for the weight of the slots that fall on it.
@@ -456,7 +456,7 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
     wide = max(rows["spread"].shape[1] for rows in tables)
-    for rows in tables:  # of some parts the states may be points, which have no spread
+    for rows in tables:  # states of some parts may be points, without a spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
     return {
@@ -503,7 +503,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Rows with these states and what is around them, sorted by track."""
+    """Rows with these states and the shapes around them, sorted by track."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -553,7 +553,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    # one after the other: along the first axis of what has few columns it takes ten times as long
+    # column by column: along the first axis of a narrow array it takes ten times as long
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
@@ -617,7 +617,7 @@ def _repairs(result: Evaluation) -> Columns:
 
 
 # -------------------------------------------------------------------------------------------------
-# Ellipses, and what is drawn over time; of many steps, thinned.
+# Ellipses, and data over time, thinned if there are many steps.
 
 NUMBERS = 150_000
 """Numbers of covariances that are encoded; beyond, those of every so many steps."""
@@ -690,13 +690,13 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
         size = -FINE * np.log(deviation / largest)
         correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
         level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
-    # No logarithm or correlation of what has no deviation.
+    # Without a deviation there is no logarithm and no correlation.
     level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
     return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
 
 def deviations(variances: Floats) -> Floats:
-    """Roots of what is a variance; of what overflowed there is no picture."""
+    """Square roots of variances; overflowed ones have no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
@@ -729,7 +729,7 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
 
 
 def rounded(values: list[float]) -> list[float]:
-    """Seven digits, which is more than is shown."""
+    """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
@@ -740,7 +740,7 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    """First step and costliest step of each of at most so many bins of equal length."""
     together = max(1, -(-len(total) // most))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)

@@ -126,7 +126,7 @@ def workflow_property(text: str) -> str:
 
 
 def csv_cell(value: object) -> object:
-    """The value in a CSV table: what a spreadsheet would take for a formula gets a ' in front.
+    """Value in a CSV table: one that a spreadsheet would take for a formula gets a ' in front.
 
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
@@ -245,7 +245,7 @@ class Document:
 
 
 def as_text(document: Document) -> str:
-    """For a terminal, 80 columns."""
+    """Text of a report for a terminal, 80 columns."""
     blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
@@ -256,7 +256,7 @@ def as_text(document: Document) -> str:
 
 
 def as_markdown(document: Document) -> str:
-    """For a pull request or a lab book."""
+    """Markdown of a report, for a pull request or a lab book."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
     blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
@@ -286,7 +286,7 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
 
 
 def as_html(document: Document) -> str:
-    """For a cell of a notebook."""
+    """HTML of a report, for a cell of a notebook."""
     tables = "".join(line for table in document.tables for line in _html_lines(table))
     above, below = (
         "".join(f'<div style="opacity:.75;font-size:.92em">{xml(line)}</div>' for line in lines)
@@ -336,7 +336,7 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: most print no CSV
 
     lines: list[str] = []
-    # Told of both ends of lines the writer quotes texts with either; the file has one of them.
+    # With both line ends as its own the writer quotes texts with either; files have one of them.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -468,7 +468,7 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(table: Table) -> list[str]:
-    """Columns as wide as they need.
+    """Lines of a table with columns as wide as their contents.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first columns again: all of text that tell rows apart,
@@ -506,7 +506,7 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], others: int) -> int:
-    """Columns for the first cells beside others: all they need, or what is left, or enough."""
+    """Width of the first column: all it needs, or the rest, or enough."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - others
     least = min(LEAST, longest)
@@ -565,7 +565,7 @@ def or_dash(value: float | None, form: str) -> str:
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """One number if both ends are the same as they are shown, else both."""
+    """One number if both ends look the same, else both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
@@ -603,7 +603,7 @@ LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Parameters of the metric, those that there are, and the distance."""
+    """Given parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -691,7 +691,7 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Row and column of the values that are proven to be the least of those they compete with.
+    """Row and column of each value that is proven to be the least of its rivals.
 
     Of the second `place` those that are proven to have that.
 

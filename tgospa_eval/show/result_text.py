@@ -344,7 +344,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
 
 
 def headline(result: Evaluation) -> str:
-    """The value and what is known about it, in one sentence."""
+    """Value and its precision in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
@@ -498,7 +498,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """The value per step, and per object and step: the name, the value, by what the total is."""
+    """Value per step, and per object and step: its name, itself, and the divisor of the total."""
     judged, normalised = result.evaluated_on, result.normalised
     if judged.steps:
         yield "per step", result.quantity(normalised["tgospa"]), counted(judged.steps, "step")
@@ -537,7 +537,7 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """The score of the value per step, and on what scale, where that was asked for."""
+    """Score of the value per step, and its scale, if it was requested."""
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
@@ -772,7 +772,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block with its looks; most are shown as they are."""
+    """Lines of a block in its style; most have none."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -792,7 +792,7 @@ def _part(result: Evaluation, line: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What associate and reduce computed.
+# Texts of associate and reduce.
 
 
 Spread = dict[str, float]
@@ -808,7 +808,7 @@ ROUNDING = 1e-9
 def association_text(
     pairing: "Pairing", *, rows: bool = True, most: int = ROWS, rest: str | None = None
 ) -> str:
-    """Counts, and the associations in columns: at most so many, and where the rest is."""
+    """Text of an association: counts, at most so many rows, and the place of the rest."""
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "

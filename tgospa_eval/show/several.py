@@ -122,7 +122,7 @@ def _epsilon(run: Json) -> float:
 
 
 def draw_convergence(document: Json, style: Style) -> Figure | None:
-    """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
+    """Draw the bounds of `sinkhorn` over its sweeps, against the bounds of all runs."""
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
         return None
@@ -151,7 +151,7 @@ def _legend(made: Figure, axis: Axes, columns: int) -> None:
 
 
 def error_axis(axis: Axes, *, vertical: bool = True) -> None:
-    """A logarithmic axis of errors, by powers of ten, that says what stands at its end."""
+    """Make a logarithmic axis of errors, by powers of ten, with a note at its end."""
     which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
@@ -261,7 +261,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Lines of the errors of those that have any; returns the names of the others."""
+    """Draw lines of the errors; return the names of runs without errors."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
@@ -390,7 +390,7 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
 
 
 # -------------------------------------------------------------------------------------------------
-# Of a batch: values side by side, what costs are made of, curves over steps.
+# Pictures of a batch: values side by side, parts of the costs, curves over steps.
 
 MOST_BARS = 40
 
@@ -407,7 +407,7 @@ ROW = 0.21
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Totals of runs, those of the baseline and of now, as shares of the baseline's mean.
+    """Draw totals of runs, baseline and current, as shares of the baseline's mean.
 
     Parameters
     ----------
@@ -520,7 +520,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
                 lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
-        if name == NEES:  # what it is where covariances are right
+        if name == NEES:  # the mean NEES of correct covariances
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
             components = next(sums.components for sums in rows if sums is not None)
             axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
@@ -570,7 +570,7 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
-    """Value per step of each cell; of many rows those lie across, without numbers."""
+    """Draw the value per step of each cell; many rows lie across, without numbers."""
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:
         return None

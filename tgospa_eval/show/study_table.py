@@ -204,7 +204,7 @@ Column = tuple[str, Sequence[str], list[Interval]]
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """The column of a name; none of what is not there, unless it is `wanted`."""
+    """Column of a name; none if it has no values, unless it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -305,7 +305,7 @@ def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """A value with so many digits as `largest` has, or both ends where they differ there."""
+    """Value with as many digits as `largest`, or both ends if these differ there."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0

@@ -247,7 +247,7 @@ LINES: Mapping[str, dict[str, Any]] = {
 
 @contextmanager
 def styled(name: str = "screen") -> Iterator[Style]:
-    """The settings of matplotlib that make a picture of this style, whatever those of the user.
+    """Apply the style to matplotlib, whatever the settings of the user.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Ticks of an axis of time at round times, and their names; what all share stands once."""
+"""Ticks of a time axis at round times, and their names; the common part stands once."""
 
 import math
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ def moments(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Times as they were read; what is beyond the whole numbers of a browser is a text to it."""
+    """Times as they were read; numbers beyond the exact ones of a browser become texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -169,7 +169,7 @@ class TimeAxis:
         return places, names, title
 
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Round times of the day, or days; what they share of the date is in the name."""
+        """Round times of the day, or days; the common part of the date is in the name."""
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
         try:

@@ -1,4 +1,4 @@
-"""Synthetic scenes: a ground truth by name, and what a tracker with known errors makes of it."""
+"""Synthetic scenes: a ground truth by name, and the tracks of a tracker with known errors."""
 
 import math
 from dataclasses import replace
@@ -147,7 +147,7 @@ class Tracker:
 def simulate(
     scene: Scene, tracker: Tracker, rng: np.random.Generator
 ) -> tuple[Trajectories, Trajectories]:
-    """Make a scene and what the tracker reports of it.
+    """Make a scene and the tracks that the tracker reports.
 
     Times count from 1, ids of truths too; the track that begins on truth i is number 100 + i
     (1000 + i from 100 targets on, and so on), later tracks follow. Values are rounded to about a

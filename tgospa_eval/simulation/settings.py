@@ -113,7 +113,7 @@ PUBLISHED = {
 def run_setting(
     setting: StudySetting, seed: int
 ) -> tuple[Trajectories, Trajectories, list[Floats]]:
-    """One run; where all runs of the source have the same truth, so have all seeds.
+    """Simulate one run; if all runs of the source share one truth, so do all seeds.
 
     The random numbers are not those of the source.
 
