@@ -601,7 +601,5 @@ class Evaluation(ABC):
 def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Numbers of several groups in one dict, with a dot between the names."""
     return {
-        f"{group}.{name}": float(x)
-        for group, record in groups.items()
-        for name, x in record.items()
+        f"{group}.{name}": float(x) for group, each in groups.items() for name, x in each.items()
     }

@@ -459,9 +459,7 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
     for rows in tables:  # states of some parts may be points, without a spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
-    return {
-        column: np.concatenate([rows[column] for rows in tables]) for column in tables[0]
-    }, clouds
+    return {name: np.concatenate([rows[name] for rows in tables]) for name in tables[0]}, clouds
 
 
 def _clouds(part: PairEvaluation, name: str) -> Clouds | None:

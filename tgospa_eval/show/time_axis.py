@@ -59,11 +59,11 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
     else:
         return "stamp", times[0], [float(t - whole[0]) for t in whole]
     try:
-        stamps = [datetime.fromisoformat(t.strip()) for t in times]
-        zone = stamps[0].tzinfo
-        stamps = [t.replace(tzinfo=UTC) if zone is None else t.astimezone(zone) for t in stamps]
-        first = stamps[0].replace(hour=0, minute=0, second=0, microsecond=0)
-        seconds = [(t - first).total_seconds() for t in stamps]
+        dates = [datetime.fromisoformat(t.strip()) for t in times]
+        zone = dates[0].tzinfo
+        dates = [t.replace(tzinfo=UTC) if zone is None else t.astimezone(zone) for t in dates]
+        first = dates[0].replace(hour=0, minute=0, second=0, microsecond=0)
+        seconds = [(t - first).total_seconds() for t in dates]
     except (ValueError, TypeError, OverflowError):
         return "step", "", None
     return "date", first.strftime("%Y-%m-%d"), seconds
