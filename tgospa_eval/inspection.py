@@ -430,7 +430,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Both ends of an interval, with enough digits for them to differ."""
+    """Ends of an interval, with enough digits for them to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]

@@ -61,7 +61,7 @@ def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple
 
 
 def band_in_words(low: float, high: float, between: str = " to ") -> str:
-    """Both ends of a band, with more digits if it is narrow."""
+    """Ends of a band, with more digits if it is narrow."""
     digits = 3 if high > 1.02 * low else 5
     return f"{number(low, digits)}{between}{number(high, digits)}"
 
