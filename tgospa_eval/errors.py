@@ -18,14 +18,14 @@ LARGEST_COUNT = 2**31 - 2
 
 
 class ExitStatus(IntEnum):
-    """What the command line ends with (docs/reference/cli.md)."""
+    """Exit statuses of the command line (docs/reference/cli.md)."""
 
     DONE = 0
     REGRESSION = 1  # of the gate, proven
     NOT_PROVEN = 1  # of verify: the folder does not prove its claim
     WRONG_OPTION = 2
     WRONG_INPUT = 3
-    NOT_REACHED = 4  # the accuracy that was asked, or a fault of a solver or of ours
+    NOT_REACHED = 4  # the requested accuracy, or a fault of a solver or of this program
     INTERRUPTED = 130
 
 
@@ -98,7 +98,7 @@ class InputError(TgospaError, ValueError):
 
 
 def check_size(what: str, count: int) -> None:
-    """Whether 32-bit indices suffice.
+    """Check that 32-bit indices suffice.
 
     Raises
     ------

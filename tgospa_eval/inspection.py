@@ -1,4 +1,4 @@
-"""What was read, in numbers: counts, extents, overlaps. Prints nothing."""
+"""Numbers of the data as read: counts, extents, overlaps. Prints nothing."""
 
 import math
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 def inspect(
     files: list[tuple[str, Reading]], sides: AlignedPair | None, request: EvaluationRequest
 ) -> Json:
-    """What paths and contents of the truth, and of an estimate, hold, and how both sides fit."""
+    """Describe the truth and an estimate, by paths or contents, and how both sides fit."""
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
     warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
@@ -57,16 +57,16 @@ def inspect(
         warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = both = compare(sides, request)
-        found = [notice for notice in diagnose(sides, request) if notice.code]
-        warnings += found
-        if both["nearest"] is not None and (explained(found) or distance.largest < np.inf):
+        notices = [notice for notice in diagnose(sides, request) if notice.code]
+        warnings += notices
+        if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
             both["nearest"]["suggested"] = None  # the distances are not those of errors
     document["warnings"] = [notice.record() for notice in warnings]
     return document
 
 
 def _about(reading: Reading) -> Iterator[Notice]:
-    """What is wrong with one file by itself."""
+    """Warnings about one file by itself."""
     yield from reading.warnings
     count = reading.left_out.get("duplicate", 0)
     if count and not any(notice.code == "duplicates" for notice in reading.warnings):
@@ -83,7 +83,7 @@ def describe(path: str, reading: Reading) -> Json:
     count, first, last = _lives(side)
     holes = last - first + 1 - count
     per_step = np.bincount(side.step, minlength=len(side.times))
-    found: Json = {
+    facts: Json = {
         "path": path,
         "format": reading.format,
         "rows": reading.rows,
@@ -114,15 +114,15 @@ def describe(path: str, reading: Reading) -> Json:
         "notices": list(reading.notices),
     }
     if side.clouds is not None:
-        found["particles"] = spread(side.clouds.counts)
+        facts["particles"] = spread(side.clouds.counts)
         variances = np.diagonal(side.clouds.covariances, axis1=1, axis2=2).T
     elif side.covariance is not None:
         variances = side.covariance.T[[k * (k + 3) // 2 for k in range(len(side.columns))]]
     else:
-        return found
+        return facts
     deviations = zip(side.columns, np.sqrt(variances), strict=True)
-    found["deviation"] = {name: spread(values) for name, values in deviations}
-    return found
+    facts["deviation"] = {name: spread(values) for name, values in deviations}
+    return facts
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
@@ -165,7 +165,7 @@ def spread(values: Floats | Ints) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
-    """What both files have in common: steps, time, another clock, space, nearest estimates."""
+    """Compare both files: steps, time, another clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
     clock = find_clock(sides.given, parameters, distance, request.recorded)
@@ -192,7 +192,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
 
 
 def _common_range(a: Floats, b: Floats) -> Json | None:
-    """Where both have values; None if nowhere."""
+    """Range in which both have values; None if there is none."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
@@ -220,7 +220,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
         return None
-    found, others = [], []
+    nearest, others = [], []
     for step in both[np.arange(min(SAMPLE, len(both))) * len(both) // min(SAMPLE, len(both))]:
         a, b = (
             distance.axes(side, slice(*np.searchsorted(side.step, [step, step + 1]).tolist())).T
@@ -228,11 +228,11 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
         )
         whole, every = a, -(-len(a) // SAMPLE)
         a = whole[::every]
-        found.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
-        apart = distance.lower_bound(a[:, None], whole[None, :])
-        apart[np.arange(len(a)), np.arange(len(a)) * every] = np.inf
-        others.append(apart.min(axis=1))
-    near = np.concatenate(found)
+        nearest.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
+        distances = distance.lower_bound(a[:, None], whole[None, :])
+        distances[np.arange(len(a)), np.arange(len(a)) * every] = np.inf
+        others.append(distances.min(axis=1))
+    near = np.concatenate(nearest)
     suggestion = suggest_cutoff(near, np.concatenate(others))
     near = np.sort(near)
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
@@ -252,7 +252,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 
 
 # -------------------------------------------------------------------------------------------------
-# What was read, as a table of 80 columns or as JSON.
+# The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""
@@ -348,7 +348,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """How the files fit; `warned` is whether a warning has the other clock."""
+    """Lines on how the files fit; `warned` if a warning names the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -422,7 +422,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """From how long to how long a step takes, without what rounding the stamps adds to it."""
+    """Shortest and longest step, without the rounding of the stamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]
@@ -430,7 +430,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """From where to where, with digits enough for the ends to differ."""
+    """Ends of an interval, with enough digits for them to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]

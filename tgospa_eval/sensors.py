@@ -80,7 +80,7 @@ class Pairing:
 
     @property
     def unassigned(self) -> tuple[int, int]:
-        """How many states of each side have no partner."""
+        """Numbers of states of each side without a partner."""
         count = int(self.chosen.sum())
         return len(self.first.step) - count, len(self.second.step) - count
 
@@ -97,7 +97,7 @@ class Pairing:
 
     @cached_property
     def partners(self) -> tuple[Ints, Ints]:
-        """Of each row of either side the row of its partner, or `NOBODY`."""
+        """Row of the partner of each row of either side, or `NOBODY`."""
         a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
         rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
         a[rows[0]], b[rows[1]] = rows[1], rows[0]
@@ -105,7 +105,7 @@ class Pairing:
 
     @cached_property
     def partings(self) -> tuple[Floats, Floats]:
-        """Of each row of either side the distance to its partner; 0 without one."""
+        """Distance of each row of either side to its partner; 0 without one."""
         a, b = (np.zeros(len(side.step)) for side in self.sides)
         near = self.pairs.distance[self.chosen]
         a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
@@ -160,7 +160,7 @@ class Pairing:
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
     def cross_covariances_table(self) -> Columns:
-        """Of each associated pair the cross-covariance of the particles.
+        """Cross-covariance of the particles of each associated pair.
 
         Raises
         ------
@@ -195,7 +195,7 @@ class Pairing:
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Rows of the sides, and the distances of the pairs that they are; None of `NOBODY`."""
+        """Table of rows of both sides and the distances of pairs; None for `NOBODY`."""
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
@@ -205,8 +205,8 @@ class Pairing:
         )
         table: Columns = {}
         for name, (column, at) in zip(COLUMN_NAMES, values, strict=True):
-            found = [*column.tolist(), None]
-            table[name] = [found[k] for k in at.tolist()]
+            padded = [*column.tolist(), None]
+            table[name] = [padded[k] for k in at.tolist()]
         return table
 
 
@@ -301,7 +301,7 @@ def _means_apart(
 
 
 # -------------------------------------------------------------------------------------------------
-# Clouds of a whole recording reduced, and what that changed. Knows no file.
+# Clouds of a whole recording reduced, and the changes. Knows no file.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
 """Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""
@@ -314,7 +314,7 @@ HISTORY = "history"
 def reduce_trajectories(
     side: Trajectories, reduction: Reduction, effort: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
-    """Every cloud with fewer particles, and a row of what changed for each.
+    """Reduce all clouds to fewer particles; with a row of changes for each cloud.
 
     Parameters
     ----------
@@ -362,9 +362,9 @@ def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChan
         effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
     what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with those before"
     works = (is_changed * (before.counts * after.counts.astype(float)) ** 1.05).tolist()
-    found = in_order(change, range(len(before)), effort.jobs or cores())
+    changes = in_order(change, range(len(before)), effort.jobs or cores())
     with effort.stopwatch.showing("comparing clouds with those before"):
-        return list(effort.stopwatch.paced(found, works, what))
+        return list(effort.stopwatch.paced(changes, works, what))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:

@@ -1,4 +1,4 @@
-"""What messages quote, and how they spell options.
+"""Quoted texts and names of options in messages.
 
 What came from a user is shown on its line, and is no command to whatever shows it. Ids, names of
 files, columns and classes, units, settings and messages may hold anything. Control characters (C0
@@ -32,7 +32,7 @@ def visible(text: str) -> str:
     if not text.isprintable():
         text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if "::" in text or "##" in text:
-        text = re.sub(_COMMAND, lambda found: f"\\x{ord(found[0]):02x}", text)
+        text = re.sub(_COMMAND, lambda match: f"\\x{ord(match[0]):02x}", text)
     return text
 
 
@@ -42,18 +42,18 @@ def as_unicode(text: str) -> str:
 
 
 def visible_lines(text: str) -> str:
-    """The same for a text of several lines, which remain lines; tabs remain too."""
+    """The visible text of several lines; line breaks and tabs remain."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
 def clipped(text: str, most: int = CLIPPED_LENGTH) -> str:
-    """The beginning of the text, all of it to be seen, with dots for what is left out."""
+    """Beginning of the text, all of it visible, with dots for the rest."""
     shown = visible(text[: most + 1])
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."
 
 
 def ending(text: str, most: int) -> str:
-    """The end of the text, in which names and paths differ, with dots for what is left out."""
+    """End of the text, in which names and paths differ, with dots for the rest."""
     return text if len(text) <= most else f"...{text[len(text) - most + 3 :]}"
 
 

@@ -327,7 +327,7 @@ def test_heights_of_both_sides_take_part() -> None:
         ):
             result = evaluate(truth, side, **local, estimate_crs=crs)
         assert least < result.normalised["tgospa"] < 1.3 * least
-        (text,) = (text for text in result.told if "by up to" in text)
+        (text,) = (text for text in result.messages if "by up to" in text)
         assert float(text.split("by up to ")[1].split()[0]) == pytest.approx(
             result.normalised["tgospa"], rel=1e-3
         )

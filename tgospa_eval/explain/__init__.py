@@ -1,4 +1,4 @@
-"""From a result to the repairs that are worth most: found, tried, proven, put into words."""
+"""Search, test, proof and description of the repairs of an estimate that save most."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -48,7 +48,7 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
-# Proof of what a repair saves: what it touches is evaluated again, the bounds of the rest stay.
+# Proof of savings: the components that a repair touches are evaluated again, others keep bounds.
 #
 #     V = sum over components of V_b + sum of the prices of what is near to none,
 #
@@ -98,21 +98,21 @@ class Trials:
     def run(
         self, candidates: Sequence[Candidate], stopwatch: Stopwatch
     ) -> list[tuple[Candidate, Bounds, float]]:
-        """What is proven of each, or of those that were tried until it was to stop.
+        """Return the proven costs of each candidate that was tried before the stop.
 
         Bounds of the cost after the repair, and the cost of the assignment, in units of c^p.
         """
         progress = stopwatch.progress
-        found = []
+        tried = []
         for done, candidate in enumerate(candidates):
             if progress.stop.is_set():
                 break
             progress.again("repairs", done / len(candidates))
             try:
-                found.append((candidate, *self._trial(candidate.edit, stopwatch)))
-            except (ConfigError, InputError):  # such as no step that counts is left
+                tried.append((candidate, *self._trial(candidate.edit, stopwatch)))
+            except (ConfigError, InputError):  # for example, no step that counts is left
                 continue
-        return found
+        return tried
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
         """The repaired estimate goes the way of any other."""
@@ -131,7 +131,7 @@ class Trials:
         return self._evaluated(sides, edit, stopwatch)
 
     def _spares_others(self, edit: Edit, after: Alignment) -> bool:
-        """Whether the truth and the tracks that an edit does not change are as they were."""
+        """Check that the truth and the tracks outside an edit are unchanged."""
         before = self.aligned
         is_other = np.ones(len(self.number) + len(edit.fresh), bool)
         is_other[list(self._tracks(edit))] = False
@@ -210,7 +210,7 @@ class Trials:
     def _evaluated(
         self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Both sides evaluated as any others, from the solution before the edit."""
+        """Evaluate both sides as usual, from the solution before the edit."""
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solver = self.request.solver
         if isinstance(solver, Certified):
@@ -221,25 +221,25 @@ class Trials:
         return bounds, split.total
 
     def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
-        """The assignment and the prices at hand, with the names of tracks after the edit."""
-        held = self.assigned.held
-        run, estimate, begin, end = renamed(held, edit)
-        became = edit.tracks(held.priced, held.step)
+        """Current assignment and prices, with the numbers of tracks after the edit."""
+        old = self.assigned.held
+        run, estimate, begin, end = renamed(old, edit)
+        became = edit.tracks(old.priced, old.step)
         paid = np.flatnonzero(became >= 0)
         saved = SavedSolution(
-            truth=held.truth[run],
+            truth=old.truth[run],
             estimate=estimate,
             begin=begin,
             end=end,
-            weight=held.weight[run],
+            weight=old.weight[run],
             priced=became[paid],
-            step=held.step[paid],
-            price=held.price[paid],
-            estimates=held.estimates + len(edit.fresh),
-            steps=held.steps,
+            step=old.step[paid],
+            price=old.price[paid],
+            estimates=old.estimates + len(edit.fresh),
+            steps=old.steps,
         )
         before = self.aligned
-        step = np.searchsorted(before.truth.times, prepared.moments).clip(0, held.steps - 1)
+        step = np.searchsorted(before.truth.times, prepared.moments).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
         # A truth that had no row on the grid had no pair either.
@@ -319,7 +319,7 @@ def explain(
 
 
 def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
-    """From the estimate's own units; numbers that are seen to be times stay such."""
+    """Return the conversion from the estimate's own units; numbers seen as times stay times."""
     scaled = estimate.clock == "number"
     return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
 
@@ -350,7 +350,7 @@ def _candidates(
     assigned: Assigned,
     most: int,
 ) -> Iterator[Candidate]:
-    """What may save something at the assignment at hand, of each kind `most` or a few more."""
+    """Repairs that may save cost at the current assignment, `most` or a few more of each kind."""
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
@@ -377,7 +377,7 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """A candidate with its names and what is proven of the cost after it."""
+    """Repair of a candidate, with its names and the proven cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
@@ -412,7 +412,7 @@ def _outward(value: float, sign: int) -> float:
 
 
 def in_words(candidate: Candidate, result: PairEvaluation, offset: dict[str, float]) -> str:
-    """What a repair does."""
+    """Describe a repair in words."""
     labels, edit = result.labels, candidate.edit
     first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]
     begin, end = (

@@ -1,4 +1,4 @@
-"""Repairs that may save something, with what they would save if nothing else changed.
+"""Repairs that may save cost, with their savings if nothing else changed.
 
 Costs are in units of c^p. What is said here only decides what is tried: `explain.explain` proves.
 """
@@ -28,7 +28,7 @@ from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories,
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
 # -------------------------------------------------------------------------------------------------
-# What a repair does to the rows of an estimate. Knows no metric.
+# Edits of the rows of an estimate. Knows no metric.
 
 NO_PARTNER = -1
 """The partner of what is assigned to nothing."""
@@ -112,21 +112,21 @@ class Assigned:
 
     @cached_property
     def stretches(self) -> list[AssignedStretch]:
-        """Those that are assigned by more than half, by truth and time."""
-        held = self.held
-        most = np.flatnonzero(held.weight > 0.5)
-        most = most[np.lexsort((held.begin[most], held.truth[most]))]
-        found: list[AssignedStretch] = []
+        """Stretches that are assigned by more than half, by truth and time."""
+        kept = self.held
+        most = np.flatnonzero(kept.weight > 0.5)
+        most = most[np.lexsort((kept.begin[most], kept.truth[most]))]
+        parts: list[AssignedStretch] = []
         for truth, estimate, begin, end in zip(
-            *(part[most].tolist() for part in (held.truth, held.estimate, held.begin, held.end)),
+            *(part[most].tolist() for part in (kept.truth, kept.estimate, kept.begin, kept.end)),
             strict=True,
         ):
-            before = found[-1] if found else None
+            before = parts[-1] if parts else None
             if before and (before.truth, before.estimate) == (truth, estimate):
-                found[-1] = before._replace(end=end)
+                parts[-1] = before._replace(end=end)
             else:
-                found.append(AssignedStretch(truth, estimate, begin, end))
-        return found
+                parts.append(AssignedStretch(truth, estimate, begin, end))
+        return parts
 
 
 TrackPiece: TypeAlias = tuple[int, int, int]
@@ -158,7 +158,7 @@ class AddedRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edit:
-    """What changes; steps and tracks are those of the estimate on the grid.
+    """Change of an estimate; steps and tracks are those of the estimate on the grid.
 
     Parameters
     ----------
@@ -182,44 +182,44 @@ class Edit:
 
     @property
     def local(self) -> bool:
-        """Whether it leaves most tracks as they are."""
+        """True if the edit leaves most tracks unchanged."""
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """The tracks of rows afterwards, -1 for those that are dropped."""
-        found = track.astype(np.int64)
+        """Tracks of the rows after the edit, -1 for dropped rows."""
+        after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
             at, became = step[rows], np.full(len(rows), -1)
             for begin, end, to in pieces:
                 became[(begin <= at) & (at <= end)] = to
-            found[rows] = became
-        return found
+            after[rows] = became
+        return after
 
 
-def renamed(held: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """What becomes of the runs: which each was, its estimate afterwards, begin and end."""
-    still = np.flatnonzero(~np.isin(held.estimate, list(edit.pieces)))
-    found = [(still, held.estimate[still], held.begin[still], held.end[still])]
+def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
+    """Runs after an edit: old number, new estimate, begin and end of each."""
+    still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
+    parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
-        own = np.flatnonzero(held.estimate == track)
+        own = np.flatnonzero(old.estimate == track)
         for first, last, to in pieces:
-            begin, end = np.maximum(held.begin[own], first), np.minimum(held.end[own], last)
+            begin, end = np.maximum(old.begin[own], first), np.minimum(old.end[own], last)
             some = np.flatnonzero(begin <= end)
-            found.append((own[some], np.full(len(some), to), begin[some], end[some]))
-    which, estimate, begin, end = (np.concatenate(part) for part in zip(*found, strict=True))
+            parts.append((own[some], np.full(len(some), to), begin[some], end[some]))
+    which, estimate, begin, end = (np.concatenate(part) for part in zip(*parts, strict=True))
     return which, estimate, begin, end
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """The estimate with what files say of it, without marks that options made."""
+    """Estimate as read from files, without marks made by options."""
     made = NOT_JUDGED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
 
 
 def is_same(first: Trajectories, second: Trajectories) -> bool:
-    """Whether all that changes a number is the same of two sides on the same grid."""
+    """Check that two sides on the same grid agree in all that changes a number."""
 
     def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
         around = [] if side.covariance is None else [side.covariance]
@@ -256,7 +256,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past puts stamps before the others, and those keep their numbers.
+    # A shift to the past puts new stamps before the others, which keep their numbers.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -276,12 +276,12 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """The stamps that a shift needs, and as they are written: they go on by the median step."""
+    """Stamps for a shift and their texts: they continue by the median step."""
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
-    apart = np.sort(np.diff(times))
-    median = apart[len(apart) // 2].item() if len(apart) else 1
+    spacing = np.sort(np.diff(times))
+    median = spacing[len(spacing) // 2].item() if len(spacing) else 1
     more = np.arange(1, abs(shift) + 1) * median
     fresh = (times[-1] + more if shift > 0 else times[0] - more[::-1]).astype(times.dtype)
     if labels is not None:
@@ -291,7 +291,7 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
-    """What a track has from a step on as a track of its own, with a new name."""
+    """Split a track at a step; the rest becomes a track of its own, with a new name."""
     return Edit(pieces={track: ((0, step - 1, track), (step, steps - 1, tracks))}, fresh=(name,))
 
 
@@ -338,13 +338,13 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """A candidate about what is from the first of some steps to the last."""
+    """Candidate about a track between the first and the last of some steps."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
 
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
-    """Of each change of a truth from one estimate to another the exchange, or merge, of the two."""
+    """Exchange or merge of the two estimates at each change of a truth between them."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
@@ -389,8 +389,8 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
     """The first step from this one on at which one of two tracks exists."""
-    found = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
-    later = np.concatenate([own[own >= step] for own in found])
+    steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
+    later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
 
 
@@ -405,7 +405,7 @@ def _changes(estimates: list[int]) -> int:
 
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
-    """Changes of a truth at a step that there are, less those after an exchange from it on."""
+    """Number of changes of a truth that an exchange from a step on would save."""
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
     if not before or after == len(stretches):
@@ -416,7 +416,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Of each change of an estimate from one truth to another its split; `names` are all ids."""
+    """Split of the estimate at each of its changes of the truth; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -454,7 +454,7 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # What follows a truth is worth what the truth costs without it, less the pair.
+    # A state that follows a truth saves the cost of a missed truth, less the cost of the pair.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -471,9 +471,9 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
         used = np.flatnonzero(~free[rows])
         if not len(used):
             continue
-        for cut in (rows[: used[0]], rows[used[-1] + 1 :]):
-            if len(cut):
-                yield _cut(assigned, track, cut)
+        for ends in (rows[: used[0]], rows[used[-1] + 1 :]):
+            if len(ends):
+                yield _cut(assigned, track, ends)
 
 
 def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
@@ -503,7 +503,7 @@ SAMPLED_PAIRS = 4000
 
 
 class StatePlaces:
-    """Where everything is, for estimates of what repairs save.
+    """Places of all states, for estimating the savings of repairs.
 
     Attributes
     ----------
@@ -532,10 +532,10 @@ class StatePlaces:
     def costs(self, state: Floats, row: Ints) -> Floats:
         """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
         there = row >= 0
-        apart = self.distance(state[there], self.truth.state[row[there]])
-        found = np.full(len(row), np.inf)
-        found[there] = (apart / self.parameters.cutoff) ** self.parameters.order
-        return found
+        distance = self.distance(state[there], self.truth.state[row[there]])
+        costs = np.full(len(row), np.inf)
+        costs[there] = (distance / self.parameters.cutoff) ** self.parameters.order
+        return costs
 
     def apart(self, first: Floats, second: Floats) -> Floats:
         """The difference of states, the shorter way round where a column is periodic."""
@@ -578,7 +578,7 @@ def _with_rows(
     ends: tuple[Ints, Ints],
     share: Floats,
 ) -> Candidate:
-    """New rows of a track; what is beside states is on the line between two of its rows (N,).
+    """New rows of a track; values beside states are interpolated between two of its rows (N,).
 
     `share` (N, 1) is how far from the first to the second.
     """
@@ -589,8 +589,8 @@ def _with_rows(
         if values is None:
             return None
         table = values.reshape(len(values), -1)
-        found = table[first] + share * (table[second] - table[first])
-        return found[order].reshape(-1, *values.shape[1:])
+        added = table[first] + share * (table[second] - table[first])
+        return added[order].reshape(-1, *values.shape[1:])
 
     likely, track = between(places.existence), int(places.estimate.track[first[0]])
     rows = AddedRows(
@@ -606,7 +606,7 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """What new states save (N,), each of which is to follow a truth at a step."""
+    """Estimated savings (N,) of new states, each to follow a truth at a step."""
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
     alone = assigned.problem.truth_price
@@ -660,17 +660,17 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
     here = problem.truth_price[assigned.truth.find(truth, step)] + side.price[row]
     now = float((here - assigned.cost[row]).sum())
     scale = np.count_nonzero(assigned.follows >= 0) / max(len(row), 1)
-    found = []
+    shifts = []
     for shift in (sign * size for size in SHIFTS for sign in (-1, 1)):
         there = assigned.truth.find(truth, step + shift)
         cost = np.minimum(places.costs(places.estimate.state[row], there), 1.0)
-        found.append((float(((1.0 - cost) * here).sum()) - now, shift))
-    saving, shift = max(found)
+        shifts.append((float(((1.0 - cost) * here).sum()) - now, shift))
+    saving, shift = max(shifts)
     yield Candidate(kind="shift", saving=saving * scale, edit=Edit(shift=shift))
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """The whole estimate without the median difference to what it follows."""
+    """The whole estimate without its median difference to the truth that it follows."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):

@@ -1,1 +1,1 @@
-"""What a user holds of an evaluation."""
+"""Results of evaluations."""

@@ -1,4 +1,4 @@
-"""Whether covariances say how large errors are: the NEES of assigned pairs, and its sums.
+"""Consistency of covariances with errors: the NEES of assigned pairs, and its sums.
 
     NEES = e' P^-1 e,   e the error of an assigned state, P its covariance,
 
@@ -54,21 +54,21 @@ def chi_square(share: float, freedom: Floats | float) -> Any:
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Between which ends the mean of so many independent NEES is, with this probability."""
+    """Interval of the mean of so many independent NEES at this probability."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
 
 
 def band_in_words(low: float, high: float, between: str = " to ") -> str:
-    """Both ends, with more digits where it is narrow."""
+    """Ends of a band, with more digits if it is narrow."""
     digits = 3 if high > 1.02 * low else 5
     return f"{number(low, digits)}{between}{number(high, digits)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NeesSums:
-    """What the numbers of all pairs are made of.
+    """Sums that the NEES numbers of all pairs are computed from.
 
     Parameters
     ----------
@@ -104,11 +104,11 @@ class NeesSums:
         return f"NEES {self.in_words}"
 
     def plain(self) -> dict[str, Any]:
-        """As values of a row; `NeesSums(**values)` is the way back."""
+        """Plain values; `NeesSums(**values)` is the way back."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def row(self) -> dict[str, Any]:
-        """What a row of a store has; `of_row` is the way back."""
+        """Columns of a row of a store; `of_row` is the way back."""
         import json  # here, as below: a small evaluation does without
 
         record = {f"{NEES}.{name}": value for name, value in self.record().items()}
@@ -116,7 +116,7 @@ class NeesSums:
 
     @classmethod
     def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
-        """Of a row of a store, if it has any."""
+        """Return the sums in a row of a store, None without any."""
         import json
 
         text = row.get(STORED_NEES)
@@ -124,22 +124,22 @@ class NeesSums:
 
     @classmethod
     def of_values(cls, values: Json) -> "NeesSums | None":
-        """Of a document that may have its record."""
+        """Return the sums in a document, None without its record."""
         return cls(**values[NEES]["sums"]) if values.get(NEES) else None
 
     @classmethod
     def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
-        """Those of several evaluations of states with as many components; None of none."""
+        """Join the sums of several evaluations of states with as many components; None of none."""
         each = [one.plain() for one in several]
         if not each:
             return None
-        found: dict[str, Any] = {"components": max(one["components"] for one in each)}
+        joined: dict[str, Any] = {"components": max(one["components"] for one in each)}
         ranks = [np.array(one["ranks"]) for one in each if one["ranks"]]
         if ranks:
-            found["ranks"] = tuple(map(tuple, np.sum(ranks, axis=0).tolist()))
+            joined["ranks"] = tuple(map(tuple, np.sum(ranks, axis=0).tolist()))
         for name in each[0].keys() - {"components", "ranks"}:
-            found[name] = float(sum(one[name] for one in each))
-        return cls(**found)
+            joined[name] = float(sum(one[name] for one in each))
+        return cls(**joined)
 
     @property
     def mean(self) -> float:
@@ -148,7 +148,7 @@ class NeesSums:
 
     @property
     def independent(self) -> float:
-        """As many independent values have a mean that varies as much.
+        """Number of independent values whose mean varies as much.
 
         ``N (1 - r) / (1 + r)`` with the correlation r of neighbouring steps: errors of a filter
         last for several.
@@ -173,7 +173,7 @@ class NeesSums:
         return "overconfident" if self.mean > high else "underconfident"
 
     def record(self) -> Json:
-        """That of the JSON: the numbers, and the sums that those of several runs are made of."""
+        """Record for the JSON: the numbers, and the sums for joining several runs."""
         low, high = band(self.independent, self.components) if self.pairs else (None, None)
         return {
             "mean": self.mean if self.pairs else None,
@@ -187,7 +187,7 @@ class NeesSums:
         }
 
     def numbers(self) -> dict[str, float]:
-        """Those that are logged and judged, by name; none without a pair."""
+        """Numbers to log and judge, by name; none without a pair."""
         if not self.pairs:
             return {}
         share = self.inside / self.pairs
@@ -199,7 +199,7 @@ class NeesSums:
 
     @property
     def in_words(self) -> str:
-        """Mean, what is expected of it, and what follows."""
+        """Mean, its expected value and the verdict, in words."""
         if not self.pairs:
             return f"none: {self.verdict}"
         low, high = band(self.independent, self.components)
@@ -211,7 +211,7 @@ class NeesSums:
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
-        """What a reader of the value alone should know; `spread` is the cost of covariances."""
+        """Warnings for readers of the value alone; `spread` is the cost of covariances."""
         if self.independent < FEWEST or not self.total:  # of equal files all errors are 0
             return ()
         low, high = band(self.independent, self.components, EVIDENT)
@@ -229,7 +229,7 @@ class NeesSums:
 
 
 def fits_sums(record: Json) -> bool:
-    """Whether a record of right types has the numbers of its sums, as `NeesSums.record` makes."""
+    """Check that a record's numbers fit its sums, as `NeesSums.record` makes them."""
     sums = NeesSums(**record["sums"])
     try:
         own = sums.record()
@@ -242,21 +242,21 @@ def fits_sums(record: Json) -> bool:
 
 
 def nees_sums(
-    found: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
+    pairs: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
-    """Of assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
+    """Sums of assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
     known = ~np.isnan(nees)
-    weight, values = found.weight[known], nees[known]
-    order = np.lexsort((found.step[known], found.estimate[known], found.truth[known]))
+    weight, values = pairs.weight[known], nees[known]
+    order = np.lexsort((pairs.step[known], pairs.estimate[known], pairs.truth[known]))
     step, truth, estimate = (
-        column[known][order] for column in (found.step, found.truth, found.estimate)
+        column[known][order] for column in (pairs.step, pairs.truth, pairs.estimate)
     )
     next_to = (np.diff(step) == 1) & (np.diff(truth) == 0) & (np.diff(estimate) == 0)
     first, second = values[order][:-1][next_to], values[order][1:][next_to]
     return NeesSums(
         components=components,
         pairs=float(weight.sum()),
-        singular=float(found.weight[~known].sum()),
+        singular=float(pairs.weight[~known].sum()),
         total=float(weight @ values),
         squares=float(weight @ values**2),
         inside=float(weight @ (values <= chi_square(INSIDE, components))),
@@ -275,17 +275,17 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
     total = sum_by(index[known], (weight * nees)[known], size)
-    found = mean_columns(count, total, components)
-    return {name: or_none(column) for name, column in found.items()}
+    means = mean_columns(count, total, components)
+    return {name: or_none(column) for name, column in means.items()}
 
 
 def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
-    """The same of so many pairs and the sums of their NEES; NaN where there is no pair."""
+    """Mean NEES and its band, of counts of pairs and sums of their NEES; NaN without a pair."""
     columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
     return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))
 
 
 def or_none(values: Floats) -> list[float | None]:
-    """As plain numbers, None for NaN."""
+    """Plain numbers of an array, None for NaN."""
     return [None if value != value else value for value in values.tolist()]

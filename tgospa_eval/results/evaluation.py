@@ -47,8 +47,8 @@ def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
     """An attribute that is a table as a DataFrame, made when it is read."""
 
     def made(result: Any) -> "pd.DataFrame":
-        found: pd.DataFrame = result.frame(name)
-        return found
+        frame: pd.DataFrame = result.frame(name)
+        return frame
 
     made.__doc__ = about
     return cached_property(made)
@@ -146,8 +146,8 @@ class Evaluation(ABC):
         )
 
     @property
-    def told(self) -> list[str]:
-        """What is said beside the number: settings, what looks wrong, how it was read."""
+    def messages(self) -> list[str]:
+        """Messages beside the number: settings file, warnings, notices."""
         return [*told(self.settings_file, self.warnings), *self.notices]
 
     @cached_property
@@ -190,21 +190,21 @@ class Evaluation(ABC):
 
     @property
     def certified(self) -> bool:
-        """Whether the value is exact: the bracket is met."""
+        """True if the value is exact: its bracket is as narrow as requested."""
         return self.proof.bounds.met(self.gap)
 
     @property
     def within_rounding(self) -> bool:
-        """Whether the bracket is wider, but the value itself is one of the last places."""
+        """True if the bracket is wider than that only by rounding."""
         return self.proof.bounds.within_rounding(self.gap)
 
     @property
     def finished(self) -> bool:
-        """Whether what was asked for is reached, at each step of the curve and window as well."""
+        """True if the requested gap is reached, also by each step of the curve and each window."""
         if self.solver["name"] != "certified":
             return bool(self.solver["finished"])
-        asked = (part for part in (self.traced, self.slid) if part is not None)
-        return self.certified and all(bool(part.met(self.gap).all()) for part in asked)
+        parts = (part for part in (self.traced, self.slid) if part is not None)
+        return self.certified and all(bool(part.met(self.gap).all()) for part in parts)
 
     @property
     def localisation(self) -> float:
@@ -213,22 +213,22 @@ class Evaluation(ABC):
 
     @property
     def localisation_mean(self) -> float | None:
-        """Its part by errors of means; None if the distance has no such part, or p is not 2."""
+        """Part of localisation by errors of means; None without such a part, or if p is not 2."""
         return (self.split or {}).get("localisation_mean")
 
     @property
     def localisation_spread(self) -> float | None:
-        """Its part by differences of covariances; None as for means."""
+        """Part of localisation by differences of covariances; None as for means."""
         return (self.split or {}).get("localisation_spread")
 
     @property
     def existence_mismatch(self) -> float | None:
-        """Its part by different probabilities of existence; None if these are not compared."""
+        """Part of localisation by different probabilities of existence; None if not compared."""
         return (self.split or {}).get("existence_mismatch")
 
     @property
     def expected_localisation(self) -> float | None:
-        """Its part by errors of states that are expected to exist; None as for the mismatch."""
+        """Part of localisation by errors of states expected to exist; None as for the mismatch."""
         mismatch = self.existence_mismatch
         if mismatch is None:
             return None
@@ -270,7 +270,7 @@ class Evaluation(ABC):
 
     @property
     def not_judged(self) -> str:
-        """The same in words, blank where all are."""
+        """Parts of the data that are not judged, in words; blank without any."""
         if self.ignored is None:
             return ""
         truths, absorbed, excused = self.ignored.values()
@@ -295,7 +295,7 @@ class Evaluation(ABC):
     @property
     @abstractmethod
     def is_unique(self) -> bool | None:
-        """Whether the assignment is proven to be the only best one; None if that is not known."""
+        """True if the assignment is proven to be the only best one; None if unknown."""
 
     @property
     def summary(self) -> records.Json:
@@ -308,7 +308,7 @@ class Evaluation(ABC):
 
     @property
     def headline(self) -> str:
-        """What people ask for first, in one sentence."""
+        """Numbers of tracking that people ask for first, in one sentence."""
         each, quantity = self.normalised.get("per_object"), partial(self.quantity, digits=3)
         numbers, counts = self.summarised.numbers, self.counts
         words = headline(numbers, counts["switch"], counts["false"], quantity)
@@ -316,12 +316,12 @@ class Evaluation(ABC):
 
     @property
     def parameters(self) -> Mapping[str, object]:
-        """Every option that changes the number."""
+        """All options that change the number."""
         return self.settings
 
     @property
     def metric(self) -> str:
-        """Which member of the metric family it is (docs/theory/family.md)."""
+        """Member of the metric family (docs/theory/family.md)."""
         quasi = "" if self.proof.parameters.rho == 0.5 else "quasi-"
         weighted = "time-weighted-" if "step_weights" in self.settings else ""
         masked = "" if self.unjudged is None else "masked-"
@@ -329,16 +329,16 @@ class Evaluation(ABC):
 
     @property
     def probabilistic(self) -> bool:
-        """Whether objects exist with probabilities."""
+        """True if objects exist with probabilities."""
         return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
-        """Cutoff, order, switch penalty, and what makes it another metric of the family."""
+        """Cutoff, order, switch penalty and other options of the metric, in words."""
         return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
     def judged(self) -> dict[str, object]:
-        """What the value was judged on: the horizon, and the truth that counts."""
+        """Data that the value is judged on: the horizon, and the truth that counts."""
         return self.evaluated_on.record()
 
     def table(self, name: str) -> records.Columns:
@@ -375,14 +375,14 @@ class Evaluation(ABC):
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
         (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
         """
-        traced = self.traced
-        if traced is None:
+        bounds = self.traced
+        if bounds is None:
             return {}
         steps = self.evaluated_on.so_far
         each = np.maximum(steps, 1)
         table: records.Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
-        table |= self._rooted(traced, each)
-        for name, cost in zip(records.PARTS, traced.parts, strict=True):
+        table |= self._rooted(bounds, each)
+        for name, cost in zip(records.PARTS, bounds.parts, strict=True):
             table[name] = (self.scale * cost / each).tolist()
         return table
 
@@ -392,37 +392,37 @@ class Evaluation(ABC):
         Of each window the metric by itself with its bounds and the parts of its cost, and
         ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
         """
-        slid = self.slid
-        if slid is None:
+        windows = self.slid
+        if windows is None:
             return {}
         times = self.labels.times
-        steps = self.evaluated_on.so_far[slid.last] - self.evaluated_on.before[slid.first]
+        steps = self.evaluated_on.so_far[windows.last] - self.evaluated_on.before[windows.first]
         table: records.Columns = {
-            "t_first": [times[k] for k in slid.first.tolist()],
-            "t_last": [times[k] for k in slid.last.tolist()],
+            "t_first": [times[k] for k in windows.first.tolist()],
+            "t_last": [times[k] for k in windows.last.tolist()],
             "steps": steps.tolist(),
         }
-        table |= self._rooted(slid, np.ones(len(steps)))
-        table["normalised"] = self._rooted(slid, np.maximum(steps, 1))["tgospa"]
-        for name, cost in zip(records.PARTS, slid.parts, strict=True):
+        table |= self._rooted(windows, np.ones(len(steps)))
+        table["normalised"] = self._rooted(windows, np.maximum(steps, 1))["tgospa"]
+        for name, cost in zip(records.PARTS, windows.parts, strict=True):
             table[name] = (self.scale * cost).tolist()
         return table
 
-    def _rooted(self, found: Brackets, each: Floats | Ints) -> records.Columns:
+    def _rooted(self, costs: Brackets, each: Floats | Ints) -> records.Columns:
         """The metric of costs that are divided by `each`, and its bounds."""
         power = 1 / self.proof.parameters.order
         table: records.Columns = {}
         for name, cost, sign in (
-            ("tgospa", found.parts.sum(axis=0), 0),
-            ("lower_bound", found.lower, -1),
-            ("upper_bound", found.upper, 1),
+            ("tgospa", costs.parts.sum(axis=0), 0),
+            ("lower_bound", costs.lower, -1),
+            ("upper_bound", costs.upper, 1),
         ):
             value = self.proof.parameters.cutoff * (cost / each) ** power
             table[name] = (value * (1 + sign * (2 * POWER + self.proof.root_error(cost)))).tolist()
         return table
 
     def first_switches(self, most: int) -> tuple[records.Columns, int]:
-        """The first rows of the table of switches, so many at most, and how many it has."""
+        """First rows of the table of switches, at most so many, and the number of all rows."""
         table = self.table("switches")
         return {name: column[:most] for name, column in table.items()}, len(table["t"])
 
@@ -466,7 +466,7 @@ class Evaluation(ABC):
         }
 
     def _records(self) -> records.Json:
-        """What has a record for each step, and for each switch."""
+        """Records by step and by switch."""
         return {
             "per_step": records.records(self.table("per_step")),
             "switches": records.records(self.table("switches")),
@@ -474,9 +474,9 @@ class Evaluation(ABC):
 
     @property
     def split_parts(self) -> dict[str, float]:
-        """Those parts of localisation that there are."""
-        found = {name: getattr(self, name) for name in records.SPLIT_PARTS}
-        return {name: part for name, part in found.items() if part is not None}
+        """Parts of localisation that the distance has."""
+        parts = {name: getattr(self, name) for name in records.SPLIT_PARTS}
+        return {name: part for name, part in parts.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
         """The numbers as a flat dict of floats, for loggers of experiments.
@@ -506,7 +506,7 @@ class Evaluation(ABC):
 
     @property
     def other_numbers(self) -> dict[str, float]:
-        """Those of them that are of other metrics."""
+        """Numbers of other metrics."""
         return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
@@ -563,7 +563,7 @@ class Evaluation(ABC):
 
     @property
     def proven(self) -> str:
-        """How the value is known, in words."""
+        """Precision of the value in words."""
         if self.within_rounding:
             lower, upper = self.quantity(self.lower_bound), self.quantity(self.upper_bound)
             return f"within the rounding of the distances: proven to be between {lower} and {upper}"
@@ -601,5 +601,5 @@ class Evaluation(ABC):
 def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Numbers of several groups in one dict, with a dot between the names."""
     return {
-        f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()
+        f"{group}.{name}": float(x) for group, each in groups.items() for name, x in each.items()
     }

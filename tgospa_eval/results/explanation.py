@@ -1,4 +1,4 @@
-"""Single changes of an estimate, and what each is proven to save. Computes nothing."""
+"""Single changes of an estimate and their proven savings. Computes nothing."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -34,7 +34,7 @@ NOT_ADDITIVE = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repair:
-    """One change of the estimate, and what is proven of it.
+    """Change of the estimate and its proven saving.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Repair:
         return f"Repair({self.text!r}, {saved})"
 
     def record(self, rank: int, total: float) -> Json:
-        """Its part of the JSON document; `total` is the cost before."""
+        """Record of the repair for the JSON document; `total` is the cost before."""
         return {
             "rank": rank,
             "estimates": list(self.estimates),
@@ -100,7 +100,7 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """What an evaluation would gain by repairs of the estimate, each done alone.
+    """Savings of an evaluation by repairs of the estimate, each repair made alone.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How the cost of a result changes with the estimate and with the parameters."""
+"""Derivatives of the cost of a result by the estimate and by the parameters."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Gradient:
-    """Derivatives at the reported assignment, which is held (envelope theorem).
+    """Derivatives at the reported assignment, which is kept fixed (envelope theorem).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Gradient:
 
     @cached_property
     def unique(self) -> bool:
-        """Whether the best assignment of near pairs is shown to be the only one, by the prices.
+        """True if the prices show that the best assignment of near pairs is the only one.
 
         Then the derivatives are those of the metric, but at kinks of the base distance. False where
         that is not shown. Computed when it is read.
@@ -76,9 +76,9 @@ class Gradient:
     @property
     def array(self) -> Floats:
         """Derivative of ``total`` as an array of states, (T, k, d), 0 where there is none."""
-        found = np.zeros((len(self.labels.times), len(self.labels.estimates), self.total.shape[1]))
-        found[self.step, self.track] = self.total
-        return found
+        states = np.zeros((len(self.labels.times), len(self.labels.estimates), self.total.shape[1]))
+        states[self.step, self.track] = self.total
+        return states
 
     @cached_property
     def table(self) -> "pd.DataFrame":

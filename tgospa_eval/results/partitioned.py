@@ -73,7 +73,7 @@ class StoredTables:
         }
 
     def rows(self, table: str) -> int:
-        """How many rows a table has."""
+        """Number of rows of a table."""
         with self._opened(table) as files:
             return sum(file.metadata.num_rows for file in files)
 
@@ -81,14 +81,14 @@ class StoredTables:
         """A table, or its first rows, as plain Python values."""
         import pyarrow as pa
 
-        found: list[pa.RecordBatch] = []
+        parts: list[pa.RecordBatch] = []
         with self._opened(table) as files:
             schema = files[0].schema_arrow if files else pa.schema([])
             for batch in _batches(files):
-                found.append(batch)
-                if most is not None and sum(map(len, found)) >= most:
+                parts.append(batch)
+                if most is not None and sum(map(len, parts)) >= most:
                     break
-        made: Columns = pa.Table.from_batches(found, schema)[:most].to_pydict()
+        made: Columns = pa.Table.from_batches(parts, schema)[:most].to_pydict()
         return made
 
     def frame(self, table: str) -> "pd.DataFrame":
@@ -100,18 +100,18 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """The rows with the highest sums of some columns, of equal ones the first; none of 0."""
+        """Rows with the highest sums of some columns, none of 0; of equal ones the first."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
                 columns = [np.asarray(batch[name], float) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
-                # Only what is dearer than the last of those that are known can come before it.
+                # A later row replaces a known one only if it costs more than the cheapest of these.
                 least = best[-1][0] if best and len(best) == count else 0.0
                 dear = np.flatnonzero(cost > least)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
                 best += zip(cost[dear].tolist(), batch.take(dear).to_pylist(), strict=True)
-                best = sorted(best, key=lambda found: -found[0])[:count]
+                best = sorted(best, key=lambda entry: -entry[0])[:count]
         return [row for _, row in best]
 
     @contextmanager
@@ -181,7 +181,7 @@ class PartitionedResult(Evaluation):
         return self.tables.columns(name)
 
     def first_switches(self, most: int) -> tuple[Columns, int]:
-        """The first rows of the table of switches, so many at most, and how many it has."""
+        """First rows of the table of switches, at most so many, and the number of all rows."""
         return self.tables.columns("switches", most), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
@@ -197,13 +197,13 @@ class PartitionedResult(Evaluation):
         return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
-        """The tables by their names in the result folder, and those records that are not many."""
-        found: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
+        """Names of the tables in the result folder, and the short records."""
+        fields: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
         if len(self.labels.times) <= MOST_RECORDS:
-            found["per_step"] = records(self.table("per_step"))
+            fields["per_step"] = records(self.table("per_step"))
         if self.tables.rows("switches") <= MOST_RECORDS:
-            found["switches"] = records(self.table("switches"))
-        return found
+            fields["switches"] = records(self.table("switches"))
+        return fields
 
     def frame(self, name: str) -> "pd.DataFrame":  # noqa: D102  (as of Evaluation)
         in_file = name in STORED_TABLES and name != "per_step"

@@ -1,4 +1,4 @@
-"""The plain records of a result: tables, labels, costs, scores, both sides, what is proven of them.
+"""Plain records of a result: tables, labels, costs, scores, both sides and their proof.
 
 Knows no solver and no file.
 """
@@ -41,7 +41,7 @@ Time: TypeAlias = int | float | str
 
 @dataclass(frozen=True, kw_only=True)
 class Labels:
-    """What the numbers of steps and tracks are called.
+    """Names of the numbered steps and tracks.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Labels:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Costs:
-    """What was proven.
+    """Proven costs.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """How wrong a root is because 1/p is no double, relative."""
+        """Relative error of a root because 1/p is no double."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
@@ -133,8 +133,8 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
         Rows at steps that do not count, by option.
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
-    found = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
-    return found | ({"format": file["format"]} if "format" in file else {})
+    record = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
+    return record | ({"format": file["format"]} if "format" in file else {})
 
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
@@ -148,7 +148,7 @@ def step_columns(split: Breakdown, scale: float) -> Arrays:
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """What each truth (side 0) or estimate (side 1) costs; `steps` says at how many it exists."""
+    """Costs of each truth (side 0) or estimate (side 1); `steps` says at how many it exists."""
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -186,7 +186,7 @@ USUAL_SCORE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What false targets alone score.
+    """Scale of a similarity score, set by the score of false targets alone.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class Calibration:
     def similarity(
         self, value: float, bounds: tuple[float, float], parameters: Parameters
     ) -> "Similarity":
-        """The score of a value per step, and what its bounds prove of it."""
+        """Score of a value per step, and its bounds."""
         beta = self.beta(parameters)
         ends = []
         for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
@@ -276,11 +276,11 @@ SPLIT_PARTS = (
 
 
 def members_in_words(settings: Mapping[str, Any]) -> str:
-    """What makes it another member of the family than c, p and gamma do, after a comma each."""
-    found = ["weighted steps"] * ("step_weights" in settings)
-    found += ["probabilities of existence (experimental)"] * ("existence" in settings)
-    found += [f"not judged: {text}" for text in settings.get("ignore", ())]
-    return "".join(f", {text}" for text in found)
+    """Options beside c, p and gamma that choose the member of the family, each after a comma."""
+    words = ["weighted steps"] * ("step_weights" in settings)
+    words += ["probabilities of existence (experimental)"] * ("existence" in settings)
+    words += [f"not judged: {text}" for text in settings.get("ignore", ())]
+    return "".join(f", {text}" for text in words)
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:
@@ -300,7 +300,7 @@ def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
 
 
 # -------------------------------------------------------------------------------------------------
-# The two sides as they were compared, and what is proven of them. Knows no solver and no file.
+# The two sides as they were compared, and their proof. Knows no solver and no file.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -344,7 +344,7 @@ class ComparedSides:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairProof(Costs):
-    """What `certify` returned, with what it was proven for.
+    """Costs that `certify` proved, and the problem that they are proven for.
 
     Parameters
     ----------

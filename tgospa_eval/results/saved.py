@@ -148,7 +148,7 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """The parts of the total, and those of localisation, NaN where there are none."""
+    """Parts of the total and of localisation, NaN for missing ones."""
     for name, parts in (("total", PARTS), *(("localisation", split) for split in SPLITS)):
         if all(part in table for part in parts):
             made = np.sum([table[part] for part in parts], axis=0)
@@ -202,7 +202,7 @@ MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json pri
 
 
 def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Those that change the number."""
+    """Settings that change the number."""
     return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
 
 
@@ -279,7 +279,7 @@ SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYT
 
 
 def _is_summary(value: Any) -> bool:
-    """Whether it is a record of numbers and such records, with flags, limits and nulls."""
+    """Check for a record of numbers and such records, with flags, limits and nulls."""
     if isinstance(value, dict):
         return all(map(_is_summary, value.values()))
     if value is None or isinstance(value, bool):

@@ -26,7 +26,7 @@ BETWEEN_EDGES = " to "
 
 @dataclass(frozen=True, kw_only=True)
 class Slice:
-    """What is in one slice; fields of all slices add up to those of the evaluation.
+    """Numbers of one slice; fields of all slices add up to those of the evaluation.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Slice:
 
     @property
     def detection_rate(self) -> float | None:
-        """Assigned states by those of the truth, as in the summary."""
+        """Share of the truth's states that are assigned, as in the summary."""
         return _ratio(self.assigned_steps, self.truth_steps)
 
     @property
@@ -127,18 +127,18 @@ class Slicing:
 
     @property
     def frame(self) -> "pd.DataFrame":
-        """The same as a DataFrame."""
+        """Slices as a DataFrame."""
         import pandas as pd  # lazy: importing it takes longer than most evaluations
 
         return pd.DataFrame(self.table())
 
     def record(self) -> Json:
-        """The same as it stands in the document of a result."""
+        """Slices as a record in the document of a result."""
         return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
     def of(cls, record: Json) -> "Slicing":
-        """From such a record."""
+        """Read slices from such a record."""
         slices = [
             Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS if name in row})
             for row in record["slices"]
@@ -151,11 +151,11 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
     Slices of one name are added.
     """
-    found: dict[str, list[Slicing]] = {}
+    by_key: dict[str, list[Slicing]] = {}
     for group in groups:
         for part in group:
-            found.setdefault(part.by, []).append(part)
-    for by, parts in found.items():
+            by_key.setdefault(part.by, []).append(part)
+    for by, parts in by_key.items():
         rows: dict[str, list[Slice]] = {}
         for one in (one for part in parts for one in part.slices):
             rows.setdefault(one.name, []).append(one)
@@ -172,7 +172,7 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:
-    """All slices in one table, with what they are by in front."""
+    """All slices in one table; the first column names the attribute."""
     tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
         (one.by, one.table()) for one in slicings
     ]
@@ -183,7 +183,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names of slices: numbers by their values, what has none at the end."""
+    """Names of slices in order: numbers by their values, unnamed slices at the end."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 

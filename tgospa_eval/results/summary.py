@@ -61,7 +61,7 @@ def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
     columns : mapping of str to array, shape (n,)
         Of each number its values, NaN where it is not defined.
     """
-    found: dict[str, float] = {}
+    pools: dict[str, float] = {}
     for name, values in columns.items():
         known = values == values
         weights = np.ones(len(values))
@@ -71,12 +71,12 @@ def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
         if weights[known].sum() > 0:
             power = 2.0 if name == f"{SUMMARY}.rmse" else 1.0
             mean = np.average(values[known] ** power, weights=weights[known])
-            found[name] = float(mean ** (1 / power))
-    return found
+            pools[name] = float(mean ** (1 / power))
+    return pools
 
 
 def names_summary(path: str) -> bool:
-    """Whether a path names a number of the summary."""
+    """Check whether a path names a number of the summary."""
     head, _, name = path.partition(".")
     return head == SUMMARY and (name in NUMBERS or name.startswith("rmse_by_axis."))
 
@@ -100,7 +100,7 @@ class TrackedShares:
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """How many objects are mostly tracked, partly and mostly lost, of shares (k,), or NaN."""
+        """Numbers of mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -173,7 +173,7 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """A share in percent; what is not all is not 100 %, what is not nothing not 0 %."""
+    """Share in percent; only a full share is shown as 100 %, only none as 0 %."""
     if share is None:
         return "-"
     share = round(share, 12)  # sums of weights have roundings
@@ -187,7 +187,7 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """The summary in words, a name and what is known; lines without a number are left out.
+    """Summary in words, a name and its numbers a line; without lines that have no number.
 
     `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
     """
@@ -285,7 +285,7 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """The ratio; None of nothing by nothing."""
+    """Ratio; None for 0 / 0."""
     return value / by if by else None
 
 

@@ -1,4 +1,4 @@
-"""What a sweep of a parameter holds: a row of plain numbers for each of its values."""
+"""Result of a sweep of a parameter: a row of plain numbers for each of its values."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -95,13 +95,13 @@ class SweepEvaluation:
         )
 
     @property
-    def told(self) -> list[str]:
-        """What is said beside the numbers, as of a `Result`."""
+    def messages(self) -> list[str]:
+        """Messages beside the numbers: settings file, warnings."""
         return told(self.settings_file, self.warnings)
 
     @property
     def certified(self) -> bool:
-        """Whether all values are exact."""
+        """True if all values are exact."""
         return all(point.certified for point in self.points)
 
     @property
@@ -157,10 +157,10 @@ class SweepEvaluation:
         return json_text(self.to_dict())
 
     def _range(self, *counts: str) -> Json | None:
-        found = self.unchanged(*counts)
-        if found is None:
+        span = self.unchanged(*counts)
+        if span is None:
             return None
-        first, last = found
+        first, last = span
         return {
             "from": self.points[first].value,
             "to": self.points[last].value,

@@ -1,1 +1,1 @@
-"""What people see of results: text, pages, pictures and files of one list of tables and charts."""
+"""Presentation of results: text, pages, pictures and files of one list of tables and charts."""

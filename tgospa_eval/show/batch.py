@@ -1,4 +1,4 @@
-"""What is shown of a batch: sums of groups, a proven order, a statistical one, curves over time.
+"""Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
 Proven is what holds for these files; statistical is what they say of others like them. Tables, page
 and pictures are made of this.
@@ -84,7 +84,7 @@ Band = tuple[Sequence[float | None], Sequence[float | None]]
 
 @dataclass(frozen=True, kw_only=True)
 class RmsCurve:
-    """One curve: of the runs of a group, over the K times at which any of them has a step.
+    """RMS curve of the runs of a group over the K times at which any run has a step.
 
     Parameters
     ----------
@@ -156,23 +156,23 @@ class RmsCurve:
 def on_one_axis(
     curves: Sequence[RmsCurve],
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
-    """The axis of the times of all these curves, where on it those of each are, and its ends.
+    """Common time axis of all curves, positions of each curve's times on it, and its ends.
 
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
     """
     try:
-        found = places([curve.times for curve in curves])
+        positions = places([curve.times for curve in curves])
         times = [t for curve in curves for t in curve.times]
     except TimeError:
-        found = [np.arange(len(curve.times)) for curve in curves]
-        times = [k + 1 for own in found for k in own.tolist()]
-    _, first = np.unique(np.concatenate(found), return_index=True)
+        positions = [np.arange(len(curve.times)) for curve in curves]
+        times = [k + 1 for own in positions for k in own.tolist()]
+    _, first = np.unique(np.concatenate(positions), return_index=True)
     union = [times[k] for k in first.tolist()]
     axis = TimeAxis.of(union)
     at = axis.at
     room = 0.0 if len(at) > 1 else 0.5
     ends = float(at[0]) - room, float(at[-1]) + room
-    return axis, [at[own] for own in found], ends
+    return axis, [at[own] for own in positions], ends
 
 
 def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
@@ -260,12 +260,12 @@ class Ranking:
 
     @property
     def value(self) -> str:
-        """The name of what they are ranked by."""
+        """Name of the ranked value."""
         return study_table.value_name(self.order, self.jobs)
 
     @property
     def p_values(self) -> list[float | None]:
-        """Of the difference of each entry to the first, NaN of itself; None of too few pairs."""
+        """P value of each difference to the first, NaN for itself; None of too few pairs."""
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -285,7 +285,7 @@ class Ranking:
 
     @property
     def others(self) -> str:
-        """What a conclusion by statistics is about."""
+        """The population that a statistical conclusion is about."""
         return "other runs on this truth" if self.truths == 1 else "other truths"
 
 
@@ -347,18 +347,18 @@ class BatchTables:
     @property
     def heads(self) -> dict[str, str]:
         """Columns of `groups` that tell them apart, with the names that these are shown by."""
-        found = {
+        headings = {
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
-        return found | {name: name for name in self.parameters}
+        return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """What tells a row of the groups from others, in words."""
+        """Labels that distinguish a row of the groups from the others."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
     def unit(self) -> str:
-        """Of the states."""
+        """Unit of the states."""
         return str(self.settings["options"].get("unit") or "")
 
     @property
@@ -390,7 +390,7 @@ class BatchTables:
 
     @cached_property
     def compared(self) -> dict[str, int]:
-        """Values of the first label, those that are ranked first, with numbers of colours."""
+        """Values of the first label, ranked ones first, each with the number of its colour."""
         names = [entry["name"] for ranking in self.rankings for entry in ranking.entries]
         if self.by:
             names += sorted(self.values_of(self.by[0]).unique())
@@ -409,11 +409,11 @@ class BatchTables:
         if self.by and len(groups):
             first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
-        found: list[Json] = []
+        shown: list[Json] = []
         for row in groups.to_dict("records"):
             steps = max(float(row["judged.steps"]), 1.0)
             costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
-            found.append(
+            shown.append(
                 {
                     "name": "/".join(self.named(row)),
                     "track": self.compared.get(str(row[names[0]]), 0) if names else 0,
@@ -426,7 +426,7 @@ class BatchTables:
                     "parameters": [value_in_words(row[name]) for name in self.parameters],
                 }
             )
-        return found
+        return shown
 
     @cached_property
     def heat(self) -> Json | None:
@@ -439,7 +439,7 @@ class BatchTables:
 
     @cached_property
     def drawn_curves(self) -> list[tuple[int, RmsCurve]]:
-        """Those of the first groups, with numbers of colours."""
+        """Curves of the first groups, each with the number of its colour."""
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
@@ -472,7 +472,7 @@ def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Inter
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """The bracket of a value of a row of a ranking, which is the upper end itself."""
+    """Bracket of a value of a row of a ranking; the value is its upper end."""
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
@@ -534,10 +534,10 @@ def heat_of(
     shown = list(columns)[:MOST_COLUMNS]
     # Where all jobs failed there are no columns of values.
     rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
-    found = rows.assign(_row=down, _column=across)[across.isin(shown)]
-    sets = found.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
-    found = found.assign(_failed=found["status"] == "failed", _set=sets, _at=np.arange(len(found)))
-    numbers = found.groupby(["_row", "_column"], sort=False).agg(
+    jobs = rows.assign(_row=down, _column=across)[across.isin(shown)]
+    sets = jobs.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
+    jobs = jobs.assign(_failed=jobs["status"] == "failed", _set=sets, _at=np.arange(len(jobs)))
+    numbers = jobs.groupby(["_row", "_column"], sort=False).agg(
         jobs=("_failed", "size"),
         failed=("_failed", "sum"),
         lower=("total_lower", "sum"),
@@ -551,7 +551,7 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # Of many rows those with the largest value of their set; failed jobs are infinite.
+    # Of many rows, those with the largest values of their set are shown; failed jobs first.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
@@ -563,7 +563,7 @@ def heat_of(
     numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
     alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
     links = dict(
-        zip(alone.index, map(link, found.iloc[alone["at"]].to_dict("records")), strict=True)
+        zip(alone.index, map(link, jobs.iloc[alone["at"]].to_dict("records")), strict=True)
     )
     known = numbers["upper"].dropna()
     least, most = (known.min(), known.max()) if len(known) else (0.0, 0.0)
@@ -606,25 +606,25 @@ def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """What groups with slices are called, and these."""
+    """Names of each group that has slices, and its slices."""
     for group, slicings in tables.slices.items():
         yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """The same as columns, with what tells groups apart in front; none if there are no slices."""
-    found: Columns = {}
+    """Slices of the groups as columns, labels of the group first; no columns without slices."""
+    table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
         heads = zip(tables.heads.values(), names, strict=True)
         rows = {head: [name] * len(part["by"]) for head, name in heads} | part
         for head, values in rows.items():
-            found.setdefault(head, []).extend(values)
-    return found
+            table.setdefault(head, []).extend(values)
+    return table
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
-    """What slices are, where there are some."""
+    """Explain the slices, if there are any."""
     yield from result_text.about_slices(
         [one for slicings in tables.slices.values() for one in slicings]
     )
@@ -685,7 +685,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """The rows as plain values, None for what is not there."""
+    """Rows as plain values, None for missing ones."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -703,7 +703,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def document(tables: BatchTables) -> rendering.Document:
-    """The tables by groups and the rankings, with what they are."""
+    """JSON document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return rendering.Document(
@@ -723,12 +723,12 @@ def document(tables: BatchTables) -> rendering.Document:
 
 
 def _warns(note: str) -> bool:
-    """Whether a note stands beside the order."""
+    """Check whether the order needs a note."""
     return note.startswith("warning:")
 
 
 def of_expected(jobs: int, expected: int) -> str:
-    """How many jobs have a value, and of how many if one is missing."""
+    """Number of jobs with a value, and of all jobs if one is missing."""
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
@@ -786,7 +786,7 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 
 
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
-    """Of each group that is ranked on all its jobs the ranking, best first, entry, and p value."""
+    """Ranking (best first), entry and p value of each group that is ranked on all its jobs."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
     return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
@@ -834,21 +834,21 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Rows that have the same jobs, and differ in nothing but in the label that is ranked."""
+    """Rows with the same jobs that differ only in the ranked label."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
-    found: dict[tuple[Any, ...], list[int]] = {}
+    rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
         if row["jobs"] and {name: row[name] for name in tables.parameters} in ranked:
-            found.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
-    return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
+            rivals.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
+    return [alike for alike in rivals.values() if len({rows[k]["jobs"] for k in alike}) == 1]
 
 
 def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    found = list(result_text.other_records(rows))
-    yield from result_text.grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
+    other = list(result_text.other_records(rows))
+    yield from result_text.grouped_table(tuple(heads.values()), names, other, _rivals(tables, rows))
     nees = [NeesSums.of_row(row) for row in rows]
     items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
     yield from result_text.covariances_table(tuple(heads.values()), names, items)
@@ -860,7 +860,7 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
-    """Both orders in a sentence each."""
+    """The proven and the statistical order, a sentence each."""
     entries, where = ranking.entries, _where(ranking)
     jobs = f"{counted(ranking.jobs, 'job')} each"
     if ranking.jobs < ranking.all_jobs:
@@ -880,7 +880,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """For which parameters a ranking is, if there are several."""
+    """Parameters of a ranking, if there are several sets of them."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
@@ -939,13 +939,13 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 
 def about_others(tables: BatchTables) -> Iterator[str]:
-    """What other metrics are, where they were asked for."""
-    found = next(result_text.other_records(_with_values(tables)), {})
-    if found:
+    """Explain the other metrics, if they were requested."""
+    other = next(result_text.other_records(_with_values(tables)), {})
+    if other:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
-        yield from result_text.direction(found)
+        yield from result_text.direction(other)
 
 
 def batch_report(tables: BatchTables, format: str) -> str:
-    """What ``--format`` prints."""
+    """Return the report of a batch in the format of ``--format``."""
     return rendering.rendered(format, tables, document, batch_json, batch_columns)

@@ -1,4 +1,4 @@
-"""The list of all pictures: which there are of what, who draws them, and their files.
+"""List of all pictures: by subject, with the function that draws each, and their files.
 
 matplotlib is imported when one is drawn.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Chart(NamedTuple):
-    """A picture: what draws it of its subject and a `Style`, as None where it shows nothing."""
+    """Picture: a function of its subject and a `Style`; None if it has nothing to show."""
 
     draw: str
     """Module of this folder and function."""
@@ -89,7 +89,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """What pictures are wanted, checked.
+    """Requested pictures, checked.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Pictures:
         return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
     def check(self, known: Sequence[str]) -> None:
-        """See that the plane can be drawn of these state columns, before any work is done.
+        """Check that these state columns can be drawn in the plane, before any work is done.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class Pictures:
         plane_columns(known, self.columns)
 
     def drawn(self, chart: Chart, subject: Any, style: Style) -> "Figure | None":
-        """One picture, or None where it has nothing to show."""
+        """Draw one picture; None if it has nothing to show."""
         if isinstance(subject, Evaluation | Pairing):
             from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
@@ -183,7 +183,7 @@ def pictures(
 
 
 class Place(TypedDict, total=False):
-    """Where of the user's a picture is drawn, if not in a figure of its own."""
+    """Axes or figure of the user for a picture, in place of a figure of its own."""
 
     ax: "Axes"
     figure: "Figure | SubFigure"
@@ -198,7 +198,7 @@ def plot(
     figure: "Figure | SubFigure | None" = None,
     **options: Any,
 ) -> "Figure":
-    """One picture, in axes or a figure that is given; `options` are fields of `Pictures`.
+    """Draw one picture in the given axes or figure; `options` are fields of `Pictures`.
 
     Raises
     ------

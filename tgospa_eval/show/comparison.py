@@ -22,10 +22,10 @@ TIES = (
 )
 
 
-def estimates_document(document: Json, asked: Sequence[str] = ()) -> rendering.Document:
+def estimates_document(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it.
 
-    `asked` are columns of the table.
+    `requested` are columns of the table.
     """
     return rendering.Document(
         kind=_what(document),
@@ -36,7 +36,7 @@ def estimates_document(document: Json, asked: Sequence[str] = ()) -> rendering.D
             rendering.parameters_of(document["parameters"]),
         ],
         tables=[
-            *_study_tables(document, asked),
+            *_study_tables(document, requested),
             *_against_tables(document),
             *_other_tables(document),
         ],
@@ -46,7 +46,7 @@ def estimates_document(document: Json, asked: Sequence[str] = ()) -> rendering.D
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """What looks wrong: with the data, or with an order by covariances, which stands beside it."""
+    """Warnings about the data or about an order by covariances."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -101,7 +101,7 @@ def _order(document: Json) -> str:
 
 
 def _what(document: Json) -> str:
-    """What this is, and what to type for what it is not."""
+    """Explain what this document shows, and which command shows the rest."""
     count = len(document["estimates"])
     if count > 1:
         return f"Ranking of {count} estimates; {rendering.TO_STUDY}"
@@ -153,12 +153,12 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
     ]
 
 
-def _study_tables(document: Json, asked: Sequence[str]) -> Iterator[rendering.Table]:
+def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[rendering.Table]:
     """The table of the study, and below differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
     title = study_table.value_name(document["parameters"]["order"], document["runs"])
     caption = study_table.study_caption(title, document["parameters"])
-    yield study_table.study_table(rows, ("estimate",), rivals, title, asked, caption)
+    yield study_table.study_table(rows, ("estimate",), rivals, title, requested, caption)
     yield from _pair_tables(document)
     yield study_table.costs_table(rows, ("costs",), rivals, caption)
     names = [row.names for row in rows]
@@ -200,8 +200,8 @@ def _against_tables(document: Json) -> Iterator[rendering.Table]:
         rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
         rows.append((f"{name}GOSPA, summed", step["total"], None, None))
         for rule, title in rendering.RULES.items():
-            found = step[rule]
-            rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
+            gospa = step[rule]
+            rows.append((f"{name}{title}", gospa["total"], gospa["switches"], gospa["mean"]))
     names, totals, counts, means = zip(*rows, strict=True)
     yield rendering.table_of(
         {
@@ -217,8 +217,8 @@ def _against_tables(document: Json) -> Iterator[rendering.Table]:
 def _other_tables(document: Json) -> Iterator[rendering.Table]:
     items = document["estimates"]
     names = [(item["name"],) for item in items]
-    found = [item.get("with", {}) for item in items]
-    yield from result_text.grouped_table(("others",), names, found, [range(len(items))])
+    metrics = [item.get("with", {}) for item in items]
+    yield from result_text.grouped_table(("others",), names, metrics, [range(len(items))])
 
 
 def _ranking_notes(document: Json) -> Iterator[str]:
@@ -229,7 +229,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
                 run = f" run {which}" if document["runs"] > 1 else ""
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
-        found = {pair["verdict"] for pair in document["pairs"]}
+        verdicts = {pair["verdict"] for pair in document["pairs"]}
         title = study_table.value_name(document["parameters"]["order"], document["runs"])
         if estimates[0]["confidence"]:
             yield (
@@ -239,7 +239,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             )
         yield "; ".join(
             [
-                *(text for verdict, text in rendering.PROOFS.items() if verdict in found),
+                *(text for verdict, text in rendering.PROOFS.items() if verdict in verdicts),
                 "steps -/+: at how many the estimate costs less or more than the first",
             ]
         )
@@ -350,15 +350,15 @@ def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
     """The value of the regularised problem, where a run has one."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
-        names, found = zip(*named, strict=True)
+        names, values = zip(*named, strict=True)
         yield rendering.table_of(
             {
                 "entropic": names,
-                "value": [f"{value['dual']:.7g}" for value in found],
-                "error": [rendering.error_of(value["error"]) for value in found],
-                "cost alone": [f"{value['cost']:.7g}" for value in found],
-                "its error": [rendering.error_of(value["cost_error"]) for value in found],
-                "sweeps": [str(value["sweep"]) for value in found],
+                "value": [f"{value['dual']:.7g}" for value in values],
+                "error": [rendering.error_of(value["error"]) for value in values],
+                "cost alone": [f"{value['cost']:.7g}" for value in values],
+                "its error": [rendering.error_of(value["cost_error"]) for value in values],
+                "sweeps": [str(value["sweep"]) for value in values],
             }
         )
 
@@ -374,7 +374,7 @@ def _stages(runs: Sequence[Json]) -> Columns:
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Those of one run."""
+    """Tables of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -403,7 +403,7 @@ def study_document(document: Json) -> rendering.Document:
 
 
 def study_report(document: Json, pictures: Iterable[str]) -> str:
-    """The report as Markdown, with those of its pictures that Markdown shows."""
+    """Report as Markdown, with the pictures that Markdown can show."""
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
@@ -549,18 +549,18 @@ DOCUMENTS = {
 """Of each kind what people read."""
 
 
-def page(document: Json, asked: Sequence[str] = ()) -> rendering.Document:
-    """What people read, with where settings come from; `asked` are columns of its table."""
-    made = DOCUMENTS[document["kind"]](document, *([asked] if asked else ()))
+def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
+    """Return the report with the source of its settings; its table has the `requested` columns."""
+    made = DOCUMENTS[document["kind"]](document, *([requested] if requested else ()))
     if "settings_file" not in document:
         return made
     used = str(SettingsFile(**document["settings_file"]))
     return replace(made, warnings=[used, *made.warnings])
 
 
-def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
-    """What ``--format`` prints; `asked` are columns of the table of estimates."""
-    made = partial(page, asked=asked)
+def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
+    """Return the report in a format; its table of estimates has the `requested` columns."""
+    made = partial(page, requested=requested)
     return rendering.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
 
@@ -568,11 +568,11 @@ def render(document: Json, format: str, asked: Sequence[str] = ()) -> str:
 # A sweep of a parameter.
 
 
-def sweep_document(found: SweepEvaluation) -> rendering.Document:
+def sweep_document(sweep: SweepEvaluation) -> rendering.Document:
     """A row for each value."""
-    points = found.points
-    table = {rendering.LETTERS[found.parameter]: [number(point.value) for point in points]}
-    if not found.certified:
+    points = sweep.points
+    table = {rendering.LETTERS[sweep.parameter]: [number(point.value) for point in points]}
+    if not sweep.certified:
         table["lower bound"] = [number(point.lower_bound) for point in points]
     table["TGOSPA"] = [number(point.tgospa) for point in points]
     table["localisation"] = [number(point.localisation, 5) for point in points]
@@ -581,14 +581,14 @@ def sweep_document(found: SweepEvaluation) -> rendering.Document:
             f"{number(getattr(point, part), 5)} ({number(_count(point, part))})" for point in points
         ]
     return rendering.Document(
-        title=_sweep_title(found),
+        title=_sweep_title(sweep),
         lines=[
-            f"{rendering.parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
+            f"{rendering.parameters_of(sweep.settings, '; ')}; {sizes_in_words(sweep.sizes)}",
             "costs, and in brackets how many of each:",
         ],
         tables=[rendering.table_of(table)],
-        notes=list(_sweep_notes(found)),
-        warnings=found.told,
+        notes=list(_sweep_notes(sweep)),
+        warnings=sweep.messages,
     )
 
 
@@ -597,10 +597,10 @@ def _count(point: Point, part: str) -> float:
     return count
 
 
-def _sweep_title(found: SweepEvaluation) -> str:
-    points = found.points
-    word, letter = found.parameter.replace("_", " "), rendering.LETTERS[found.parameter]
-    first, last = (_quantity(found, k) for k in (0, -1))
+def _sweep_title(sweep: SweepEvaluation) -> str:
+    points = sweep.points
+    word, letter = sweep.parameter.replace("_", " "), rendering.LETTERS[sweep.parameter]
+    first, last = (_quantity(sweep, k) for k in (0, -1))
     over = f"at {letter} = {first}"
     if len(points) > 1:
         over = f"at {len(points)} values of the {word} from {letter} = {first} to {last}"
@@ -614,23 +614,23 @@ def _sweep_title(found: SweepEvaluation) -> str:
     )
 
 
-def _quantity(found: SweepEvaluation, k: int) -> str:
+def _quantity(sweep: SweepEvaluation, k: int) -> str:
     """The value at a point, with its unit if it has one."""
-    return number(found.points[k].value) + (f" {found.unit}" if found.unit else "")
+    return number(sweep.points[k].value) + (f" {sweep.unit}" if sweep.unit else "")
 
 
-def _sweep_notes(found: SweepEvaluation) -> Iterator[str]:
-    """Where the counts do not depend on the parameter; of the best assignments only."""
-    letter = rendering.LETTERS[found.parameter]
-    if len(found.points) < 2 or not found.certified:
+def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
+    """Report the values between which the counts stay the same; best assignments only."""
+    letter = rendering.LETTERS[sweep.parameter]
+    if len(sweep.points) < 2 or not sweep.certified:
         return
     for names in (COUNTED_PARTS[:2], COUNTED_PARTS[2:]):
         words = " and ".join("switches" if name == "switch" else name for name in names)
-        span = found.unchanged(*(f"{name}_count" for name in names))
+        span = sweep.unchanged(*(f"{name}_count" for name in names))
         if span is None:
             yield f"{words}: the counts differ between all neighbouring values"
             continue
-        counts = " and ".join(number(_count(found.points[span[0]], name)) for name in names)
-        low, high = (_quantity(found, k) for k in span)
+        counts = " and ".join(number(_count(sweep.points[span[0]], name)) for name in names)
+        low, high = (_quantity(sweep, k) for k in span)
         many = span[1] - span[0] + 1
         yield f"{words}: {counts} at all {many} values from {letter} = {low} to {high}"

@@ -31,7 +31,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """An empty figure of inches, and its axes as a (rows, columns) array; or those of `PLACE`.
+    """Empty figure, sizes in inches, and its axes as a (rows, columns) array; or those of `PLACE`.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
     target = io.BytesIO()
     with warnings.catch_warnings():
-        # An id in a script that the font does not have is drawn as boxes, which says enough.
+        # An id in a script that the font lacks is drawn as boxes; a warning would add nothing.
         warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
         made.set_dpi(dots)
         canvas, engine = FigureCanvasAgg(made), made.get_layout_engine()
@@ -106,15 +106,15 @@ def counted(which: Axis) -> None:
 
 
 def label(axis: Axes, x: str, y: str, title: str) -> None:
-    """Names of the axes, and what is to be seen."""
+    """Set the names of the axes and the title."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
-    if not isinstance(PLACE.get(), Axes):  # which have a title of the user's
+    if not isinstance(PLACE.get(), Axes):  # axes of the user keep their own title
         axis.set_title(title, fontsize="medium", loc="left")
 
 
 def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
-    """What is to be seen, and of what, where pictures have titles."""
+    """Write the title of the axes and its subject, if pictures have titles."""
     if not style.titles or isinstance(PLACE.get(), Axes):
         return
     axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
@@ -122,7 +122,7 @@ def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
 
 
 def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int) -> None:
-    """Above the axes, where it hides nothing."""
+    """Draw the legend above the axes, where it hides nothing."""
     if handles:
         tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
         where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
@@ -146,11 +146,11 @@ def power(unit: str, order: float) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a notebook shows of a figure, without %matplotlib and without a window; ticks.
+# Figures in a notebook, without %matplotlib and without a window; ticks.
 
 
 class ShownFigure(Figure):
-    """As a cell of a notebook ends with it; pyplot, where someone uses it, has its own way.
+    """Figure that a notebook shows at the end of a cell; pyplot has its own way.
 
     It is drawn with the settings with which it was made, whatever those of the user are.
     """
@@ -179,7 +179,7 @@ class ApartLocator(AutoLocator):
     """Ticks across, so few that their labels do not touch, however long and in whatever room."""
 
     def __call__(self) -> list[float]:
-        """Where they are."""
+        """Return the positions of the ticks."""
         axis: Any = self.axis
         ticks = list(super().__call__())
         low, high = sorted(axis.get_view_interval())
@@ -191,7 +191,7 @@ class ApartLocator(AutoLocator):
 
 
 def _apart(axis: Any, ticks: list[float], low: float, high: float) -> bool:
-    """Whether there are gaps between the labels, by the usual widths of their signs."""
+    """Check for gaps between the labels, by the usual widths of their characters."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
     texts = axis.get_major_formatter().format_ticks(ticks)

@@ -41,7 +41,7 @@ AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What one kind of folder holds.
+    """Contents of one kind of folder.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Whether the folder is one of this kind; what the log says is for its reader."""
+        """Check whether the folder is of this kind; the content of its log is for its reader."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
             return False
-        # An empty one is of a study that was killed at once, which has nothing beside it.
+        # An empty log, alone in its folder, was left by a study that was killed at once.
         return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
 
 
@@ -131,7 +131,7 @@ BATCH = Kind(
 
 
 def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject: str = "") -> None:
-    """See that a folder can be written, before any work is done.
+    """Check that a folder can be written, before any work is done.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def probe_folder(
     with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         if path.is_symlink():
-            path.stat()  # links that go in a circle, which this refuses
+            path.stat()  # links that go in a circle are refused here
         there = next(above for above in (path, *path.parents) if above.exists())
         probe = there / unique()
         probe.mkdir(mode=0o700)
@@ -206,7 +206,7 @@ def write_texts(
     force: bool,
     subject: str = "",
 ) -> str:
-    """Write the files of a folder, in place of those that an older run of its kind has left.
+    """Write the files of a folder, in place of the files of an older run of the same kind.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
@@ -267,7 +267,7 @@ def _check_name(folder: str, subject: str) -> None:
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
-    """See that all files of these names are there as a run of this kind wrote them.
+    """Check that all files of these names are as a run of this kind wrote them.
 
     Raises
     ------
@@ -349,7 +349,7 @@ def _write_over(
 def result_texts(
     result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
-    """The files of a result folder: texts by name, and files that are taken as they are.
+    """Files of a result folder: texts by name, and files to copy unchanged.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ def check_file(
     others: Iterable[str] = (),
     endings: Collection[str] = (),
 ) -> str:
-    """See that a file may be written there; its ending.
+    """Check that a file may be written there; return its ending.
 
     Parameters
     ----------
@@ -434,7 +434,7 @@ def check_file(
 
 
 def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
-    """`Result.save`: the result folder, with what the extras that are installed can draw."""
+    """Write the result folder, with all pictures that the installed extras can draw."""
     path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
     probe_folder(path, kind, force=force, subject="folder")
     if isinstance(result, Pairing):
@@ -451,14 +451,14 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 
 
 def association_files(
-    found: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
+    pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
     """Page, table and, with the extra, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
-    files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
-    files["associations.csv"] = csv_text(found.associations_table())
-    return files if wanted == (None,) else files | pictures("associate", found, *wanted)
+    files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
+    files["associations.csv"] = csv_text(pairing.associations_table())
+    return files if wanted == (None,) else files | pictures("associate", pairing, *wanted)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -510,7 +510,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Folder, result, and what the proof says of where it comes from."""
+    """Folder, result and origin in the proof, for each class."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -555,7 +555,7 @@ UNASSIGNED = ("missed", "false")
 
 
 def geojson(result: Evaluation) -> str:
-    """All features as a text; their property ``kind`` says what each is.
+    """Text of all features; the property ``kind`` names the kind of each.
 
     Raises
     ------
@@ -570,8 +570,8 @@ def geojson(result: Evaluation) -> str:
                 f"{option('geojson')}: data in parts have no states at hand; evaluate a part"
             )
         places = _places(part)
-        found = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
-        for feature in (*found, *_switches(part, places)):
+        features = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
+        for feature in (*features, *_switches(part, places)):
             if isinstance(result, EvaluationByClass):
                 feature["properties"]["class"] = name
             made.append(feature)
@@ -622,7 +622,7 @@ def _parted(places: list[list[float]]) -> list[list[list[float]]]:
 
 
 def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each trajectory as a line, with what it costs."""
+    """Each trajectory as a line, with its cost."""
     states, weights = result.proof.states, result.proof.weights
     labels, times = (result.labels.truths, result.labels.estimates), result.labels.times
     for of, (side, names) in enumerate(zip(states.problem.sides, labels, strict=True)):
@@ -679,10 +679,10 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """Each switch, where its truth is, or was last."""
     truths = result.proof.states.problem.sides[0]
-    found = read_switches(result.proof.states, result.proof.weights)
+    switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step
     order = np.argsort(key)
-    wanted = found.truth.astype(np.int64) * (len(result.labels.times) + 1) + found.step
+    wanted = switches.truth.astype(np.int64) * (len(result.labels.times) + 1) + switches.step
     row = order[np.maximum(np.searchsorted(key[order], wanted, side="right") - 1, 0)]
     table = result.table("switches")
     for at, k in zip(row.tolist(), range(len(table["t"])), strict=True):

@@ -76,52 +76,52 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    drawn, repaired = plot_data(result), explanation_of(result)
+    plotted, repaired = plot_data(result), explanation_of(result)
     return template("page.html.j2").render(
         **_values(result, names),
         partitioned=isinstance(result, PartitionedResult),
         repairs=[] if repaired is None else result_text.repair_table(result, repaired).rows,
         repair_notes=[] if repaired is None else list(result_text.repair_notes(repaired)),
-        **_inside(drawn),
+        **_inside(plotted),
     )
 
 
-def association_page(found: Pairing, names: tuple[str, str]) -> str:
+def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
     """The page of an association, with the same views.
 
     Parameters
     ----------
-    found : Pairing
+    pairing : Pairing
         What to show.
     names : pair of str
         What the sides are called, as the paths of their files.
     """
-    drawn = plot_data(found)
+    plotted = plot_data(pairing)
     return template("association.html.j2").render(
         names=list(map(as_unicode, names)),
         version=__version__,
-        lines=result_text.association_text(found, rows=False).splitlines(),
-        parts=[{"name": name} for name in drawn.document["parts"]],
-        each={"tgospa": number(drawn.document["curve"]["total"][-1]) if drawn.steps else ""},
-        distance=found.distance.name,
+        lines=result_text.association_text(pairing, rows=False).splitlines(),
+        parts=[{"name": name} for name in plotted.document["parts"]],
+        each={"tgospa": number(plotted.document["curve"]["total"][-1]) if plotted.steps else ""},
+        distance=pairing.distance.name,
         partitioned=False,
-        **_inside(drawn),
+        **_inside(plotted),
     )
 
 
-def _inside(drawn: PlotData) -> dict[str, object]:
-    """What every page with views holds."""
+def _inside(plotted: PlotData) -> dict[str, object]:
+    """Values that every page with views needs."""
     return {
-        "data": drawn.document,
-        "word": drawn.word,
-        "arrays": packed(drawn.arrays),
+        "data": plotted.document,
+        "word": plotted.word,
+        "arrays": packed(plotted.arrays),
         "style": page_colours() + inlined("page.css"),
         "script": "".join(inlined(f"{name}.js") for name in SCRIPTS),
     }
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """What every page of a result says."""
+    """Values that every page of a result shows."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -161,7 +161,7 @@ USED_BY_TEMPLATES = {
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """What makes a page: all text that is put into it is escaped."""
+    """Template of a page; it escapes all text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
@@ -212,7 +212,7 @@ def packed(arrays: dict[str, Ints]) -> str:
 
 
 def page_colours() -> str:
-    """Those of all pictures, as style; paper is white."""
+    """Colours of all pictures as a style; paper is white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -250,11 +250,11 @@ def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> di
 
 
 def card(result: Evaluation) -> str:
-    """What a notebook shows: a headline and the four parts."""
+    """Return the HTML that a notebook shows: a headline and the four parts."""
     rows = [row[:4] for row in result_text.part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
-        *result.told,
+        *result.messages,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
         *filter(None, [result.not_judged]),
@@ -262,9 +262,9 @@ def card(result: Evaluation) -> str:
     return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
-def document_page(document: rendering.Document, kind: str, drawn: Any, *, draws: bool) -> str:
+def document_page(document: rendering.Document, kind: str, subject: Any, *, draws: bool) -> str:
     """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
-    shown = images(kind, drawn, draws=draws).items()
+    shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
     return still_page("document.html.j2", document=document, version=__version__, images=named)
 
@@ -305,10 +305,10 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
         else rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
         failed=len(failed),
         unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
-        rankings=[_ranking(tables, ranking) for ranking in ranked],
+        rankings=[_ranking(tables, one) for one in ranked],
         parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
         groups=tables.shown_groups[:MOST_GROUPS],
-        common=any(found.jobs < found.all_jobs for found in ranked),
+        common=any(one.jobs < one.all_jobs for one in ranked),
         others=list(batch.other_tables(tables)),
         about_others=list(batch.about_others(tables)),
         slices=list(batch.slice_tables(tables)),
@@ -327,7 +327,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
 
 
 def _shades() -> str:
-    """Those of the heat table, on paper and on a dark screen, and the looks of groups."""
+    """Shades of the heat table, on paper and on a dark screen, and the styles of groups."""
     light, dark = (
         " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
         for colours in (LIGHT, DARK)
@@ -344,7 +344,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """What was evaluated, and against what, as it was named."""
+    """Names of the estimates and of the ground truth, as they were given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -380,8 +380,8 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
             "sure": tables.between(sure, 4) if sure else "",
         }
         entries.append((words, per_step, sure))
-    shown = [found for _, *both in entries for found in both if found is not None]
-    low, high = min(found.lower for found in shown), max(found.upper for found in shown)
+    shown = [interval for _, *both in entries for interval in both if interval is not None]
+    low, high = min(interval.lower for interval in shown), max(interval.upper for interval in shown)
     room = (high - low) * 0.04 if high - low > NARROW * high else 1.0
 
     def place(value: float) -> float:
@@ -400,14 +400,14 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
     }
 
 
-def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
+def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str]:
     """Left end and width in percent."""
-    left, right = place(found.lower), place(found.upper)
+    left, right = place(interval.lower), place(interval.upper)
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """All pairs of few, else those of neighbours."""
+    """All pairs of few entries, else the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
@@ -447,16 +447,16 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """What was evaluated, and how, in lines."""
+    """Inputs and settings of the evaluation, a line each."""
     rows, jobs = tables.rows, tables.settings["jobs"]
-    found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
+    settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:
-        found["paths"] = " ".join(map(str, jobs["paths"]))
+        settings["paths"] = " ".join(map(str, jobs["paths"]))
     for name in METRIC_COLUMNS:
         values: list[float | str] = list(rows[name].dropna().unique()) if name in rows else []
         if len(values) == 1:
             value = values[0]
-            found[name] = value if isinstance(value, str) else number(float(value))
+            settings[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
-            found[name] = "as each job has it"
-    return {str(k): str(v) for k, v in tables.settings["options"].items()} | found
+            settings[name] = "as each job has it"
+    return {str(k): str(v) for k, v in tables.settings["options"].items()} | settings

@@ -1,4 +1,4 @@
-"""A paragraph for a paper: the metric, its parameters, what it was computed on and what is proven.
+"""Paragraph for a paper: the metric, its parameters, the data, and the proven bounds.
 
 Keys of citations are those of the BibTeX in docs/reference/cite.md.
 """
@@ -27,7 +27,7 @@ GRIDS = {
 
 
 def methods(result: Evaluation) -> str:
-    """One paragraph."""
+    """Return the paragraph."""
     left_out = [result.not_judged.capitalize()] if result.not_judged else []
     parts = _metric(result), _data(result), *left_out, _value(result), _origin(result)
     return visible(f"{'. '.join(parts)}.") + "\n"

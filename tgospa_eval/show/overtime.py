@@ -68,7 +68,7 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     # outlines leave something to see of bars that are narrow
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if seen.steps else ():
-        # What costs nothing has no outline either.
+        # A bar of no cost has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         looks = {"linewidth": thin, "label": names[name], **FILLS[name]}
@@ -90,14 +90,14 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 def draw_nees(seen: PlotData, style: Style) -> Figure | None:
     """NEES of each step with its band; below it of particles the ranks of the truth."""
-    found = seen.document.get("nees")
-    if found is None:
+    nees = seen.document.get("nees")
+    if nees is None:
         return None
-    ranks = np.array(found["ranks"], float)
+    ranks = np.array(nees["ranks"], float)
     made, axes = figure(style.width, style.low * (1 + bool(len(ranks))), rows=1 + bool(len(ranks)))
     axis = axes[0][0]
-    value, low, high = (np.array(line, float) for line in found["lines"].values())
-    at, ideal = seen.time.at, found["ideal"]
+    value, low, high = (np.array(line, float) for line in nees["lines"].values())
+    at, ideal = seen.time.at, nees["ideal"]
     handles = [
         axis.fill_between(at, low, high, step="mid", color=LIGHT["grid"], linewidth=0),
         axis.axhline(ideal, color=SOFT, linestyle="--"),
@@ -114,7 +114,7 @@ def draw_nees(seen: PlotData, style: Style) -> Figure | None:
         below = axes[1][0]
         edges = np.linspace(0, 1, ranks.shape[1] + 1)
         shares = ranks / np.maximum(ranks.mean(axis=1, keepdims=True), TINY)
-        for k, (share, name) in enumerate(zip(shares, found["columns"], strict=True)):
+        for k, (share, name) in enumerate(zip(shares, nees["columns"], strict=True)):
             below.stairs(share, edges, label=literal(name), linewidth=1.5, **line_looks(k))
         below.axhline(1, color=SOFT, linestyle="--")
         below.set_xlim(0, 1)
@@ -136,13 +136,13 @@ def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> Figur
 
 def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
     """The root of the mean cost of each window."""
-    found = seen.document.get("windows")
-    if found is None:
+    windows = seen.document.get("windows")
+    if windows is None:
         return None
-    first, last = (seen.time.at[np.asarray(found[name], int)] for name in ("first", "last"))
-    values = {name: found["lines"][name] for name in (*parts, "total")}
+    first, last = (seen.time.at[np.asarray(windows[name], int)] for name in ("first", "last"))
+    values = {name: windows["lines"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
-    titled(axis, style, f"Windows of {found['size']}, each at its middle", seen.about)
+    titled(axis, style, f"Windows of {windows['size']}, each at its middle", seen.about)
     return made
 
 
@@ -168,14 +168,14 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Edges of bars one after the other, and their values, with holes where there is nothing."""
+    """Edges and values of consecutive bars, with gaps between those that do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
 def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False) -> None:
-    """From the first step to the last, with the times as names."""
+    """Set the axis from the first step to the last, with times as labels."""
     begin, end = seen.time.edges
     ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
     name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
@@ -186,7 +186,7 @@ def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False
 def name_times(
     axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
-    """Ends, ticks and name of an axis of time in a picture of so many inches."""
+    """Set ends, ticks and name of a time axis in a picture of so many inches."""
     letters = float(axis.xaxis.label.get_fontsize())
     characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
@@ -197,7 +197,7 @@ def name_times(
 
 
 # -------------------------------------------------------------------------------------------------
-# What costs most: steps, truths and estimates, as bars that say why.
+# The costliest steps, truths and estimates, as bars of their parts.
 
 THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
@@ -247,7 +247,7 @@ def _costs(side: DrawnSide) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Names and costs of those that cost most, free ones left out."""
+    """Names and costs of the costliest, without those of no cost."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -304,7 +304,7 @@ MANY = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Which tracks of a side have a lane, and where.
+    """Lanes of the tracks of a side.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ class Lanes:
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Where lanes are; not a number for tracks without one of their own."""
+        """Positions of the lanes; NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
@@ -400,7 +400,7 @@ def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
-    """One collection; what is too much for a vector file becomes dots there."""
+    """Add a collection to the axes; as dots if it is too large for a vector file."""
     polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
@@ -412,7 +412,7 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
 def _bars(
     axis: Axes, lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
-    """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
+    """Draw assigned stretches as bars and others as frames; return the legend's entries.
 
     Where there are more steps than can be distinguished, `whole` is false, and those that are not
     are shown by `_shares`.
@@ -420,14 +420,14 @@ def _bars(
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
     begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
-    held = ~np.isnan(place) & (run["other"] >= 0)
+    paired = ~np.isnan(place) & (run["other"] >= 0)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
     thin = 0.6 if style.titles else 0.3
     handles: dict[str, Artist] = {}
-    if held.any():
-        corners = boxes(begin[held], end[held], place[held] - half, place[held] + half)
-        colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
+    if paired.any():
+        corners = boxes(begin[paired], end[paired], place[paired] - half, place[paired] + half)
+        colours = np.array(TRACK_COLOURS)[track[paired] % len(TRACK_COLOURS)]
         looks = {"edgecolors": SOFT if whole else "none", "linewidths": thin / 2}
         bars = _put(axis, corners, f"{lanes.side.name}/assigned", facecolors=colours, **looks)
         if truth:
@@ -457,12 +457,12 @@ def _room(style: Style) -> float:
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Of each step the column in which it is drawn."""
+    """Column in which each step is drawn."""
     return step * columns // max(steps, 1)
 
 
 def _column_edges(seen: PlotData, columns: int) -> tuple[Floats, Floats]:
-    """Where each column begins and ends."""
+    """Begin and end of each column."""
     first = -(-np.arange(columns + 1) * seen.steps // columns)
     begin, end = seen.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
@@ -478,7 +478,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
-    """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
+    """Draw the share of wrong steps of each column, from the top of its lane down."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -505,7 +505,7 @@ def _errors(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
     begin, end = _column_edges(seen, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
-    # As one outline for each cell, which is a fraction of a bar.
+    # One outline for each cell; a cell is a fraction of a bar.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
@@ -521,7 +521,7 @@ def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     most = count.max(initial=0.0) or 1.0
     begin, end = _column_edges(seen, columns)
     low = lanes.end - 1 + HALF
-    # What is wrong at all is seen.
+    # Even the smallest error stays visible.
     height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
@@ -530,7 +530,7 @@ def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
 
 
 def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
-    """One of those that would lie on each other in a column of a lane: the largest, the first."""
+    """Select one switch for each column of a lane: the largest, of equal ones the first."""
     if steps <= columns:
         return np.arange(len(place))
     cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
@@ -560,7 +560,7 @@ def _switches(
 
 
 def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
-    """Ids of the other side inside stretches where there is room, the longest first."""
+    """Write ids of the other side into stretches with room for them, the longest first."""
     if letters < 4 or not seen.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"
@@ -568,11 +568,11 @@ def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float
     place = lanes.place(run["track"])
     (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
-    held = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
+    assigned = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
     looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
     looks["backgroundcolor"] = "none" if truth else "white"
-    for k in held[np.argsort(-wide[held], kind="stable")][:MOST_NAMES]:
+    for k in assigned[np.argsort(-wide[assigned], kind="stable")][:MOST_NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue

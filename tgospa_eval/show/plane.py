@@ -64,7 +64,7 @@ SPECK = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plane:
-    """What is drawn, in which two columns, in which style."""
+    """Data of the plane, its two columns and its style."""
 
     seen: PlotData
     across: str
@@ -73,7 +73,7 @@ class Plane:
 
     @property
     def timed(self) -> bool:
-        """Whether one of them is the time."""
+        """True if one of the two columns is the time."""
         return TIME in (self.across, self.up)
 
     @cached_property
@@ -82,25 +82,25 @@ class Plane:
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Of z' C^-1 z = radius^2 in both columns how far it reaches, and what they share, (3, R).
+        """Reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
         `packed` are lower triangles of C. Over the time it is the interval of the other column.
         """
-        found, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
+        spans, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
         odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
         if odd or self.across == self.up or not packed.shape[1]:
-            return found
+            return spans
         index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
         for k, i in index.items():
-            found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
+            spans[k] = radius * deviations(packed[:, i * (i + 3) // 2])
         if not self.timed:
             i, j = max(index.values()), min(index.values())
-            found[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
-        return found
+            spans[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
+        return spans
 
     @cached_property
     def extents(self) -> dict[str, Floats]:
-        """The same of what is around each state, 0 where it is nothing, by side.
+        """Reach of the shape around each state by side, 0 without a shape.
 
         Boxes are known of their edges and centres.
         """
@@ -116,7 +116,7 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """The same of the gates around the first side of an association."""
+        """Reach of the gates around the first side of an association."""
         gate = self.seen.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
@@ -155,7 +155,7 @@ def surroundings(
 ) -> dict[str, Artist]:
     """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
     handles: dict[str, Artist] = {}
-    told: list[str] = []
+    counts: list[str] = []
     large = plane.style.titles
     what = "interval" if plane.timed else "ellipse"
     kind, name = ("boxes", "box") if plane.seen.document["boxes"] else (f"{what}s", f"95 % {what}")
@@ -170,32 +170,32 @@ def surroundings(
         made = PolyCollection(list(plane.outlines(side, row)), **looks)
         axis.add_collection(made)
         handles[f"{name}, {word}"] = made
-        told.append(f"{word}: {len(row):,} of {len(plane.around(side)):,} {kind}")
-        held = side.particles
-        at = np.flatnonzero(np.isin(held["row"], row))
+        counts.append(f"{word}: {len(row):,} of {len(plane.around(side)):,} {kind}")
+        particles = side.particles
+        at = np.flatnonzero(np.isin(particles["row"], row))
         if not len(at):
             continue
-        own = held["row"][at]
-        place = plane.seen.places(held["state"][at], side.row["step"][own])
+        own = particles["row"][at]
+        place = plane.seen.places(particles["state"][at], side.row["step"][own])
         usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
-        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
+        area = speck * np.clip(particles["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
         looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
         looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
         dots = axis.scatter(place[plane.across], place[plane.up], area, **looks)
         handles[f"particles, {word}"] = dots
         total = plane.seen.document["particles"][side.name][1]
-        told[-1] += f", {len(at):,} of {total:,} particles, area by weight"
-    if told:
+        counts[-1] += f", {len(at):,} of {total:,} particles, area by weight"
+    if counts:
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
         looks = {"ha": "right", "fontsize": "x-small", "color": SOFT, "zorder": 5, "bbox": box}
         looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-        axis.annotate("; ".join(told), (1, 0), (-2, 4), **looks)
+        axis.annotate("; ".join(counts), (1, 0), (-2, 4), **looks)
     return handles
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
     """States here and there along few trajectories around which there is something."""
-    found: dict[str, Ints] = {}
+    chosen: dict[str, Ints] = {}
     for side in plane.seen.sides:
         row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
         middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
@@ -203,8 +203,8 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
         if plane.timed and len(row):
             middle = middle[:, [int(plane.up == TIME)]]
             far = np.full(len(row), np.ptp(middle) / INTERVALS)
-        found[side.name] = row[spaced(side.row["track"][row], middle, far)]
-    return found
+        chosen[side.name] = row[spaced(side.row["track"][row], middle, far)]
+    return chosen
 
 
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
@@ -227,20 +227,20 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     near: dict[str, Ints] = {}
     steps = INTERVALS // 2 if plane.timed else STEPS if gates is None else 0
     for one in seen.sides:
-        apart = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
-        apart[[name == TIME for name in (plane.across, plane.up)]] = 0
+        distance = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
+        distance[[name == TIME for name in (plane.across, plane.up)]] = 0
         later = np.abs(one.row["step"] - side.row["step"][middle])
-        near[one.name] = np.flatnonzero((apart <= far).all(axis=0) & (later <= steps))
+        near[one.name] = np.flatnonzero((distance <= far).all(axis=0) & (later <= steps))
     return near
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Lines from these estimates to those that they are assigned to at the same step, (2, 3 K)."""
+    """Lines from these estimates to the truths that they are assigned to, (2, 3 K)."""
     truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
-    held = np.append(truth["track"] * key + truth["step"], NONE)
+    keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
-    at = np.searchsorted(held[:-1], wanted)
-    row, at = row[held[at] == wanted], at[held[at] == wanted]
+    at = np.searchsorted(keys[:-1], wanted)
+    row, at = row[keys[at] == wanted], at[keys[at] == wanted]
     ends = plane.places["estimate"][:, row], plane.places["truth"][:, at]
     return np.stack([*ends, np.full((2, len(at)), np.nan)], axis=2).reshape(2, -1)
 
@@ -354,7 +354,7 @@ def _name_axes(axis: Axes, plane: Plane) -> None:
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
-    """These states with all that is around them, and lines between those that are assigned."""
+    """Draw these states, the shapes around them, and lines between assigned ones."""
     seen, place = plane.seen, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -369,8 +369,8 @@ def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Arti
         axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
     line = pairs(plane, rows["estimate"])
     axis.plot(*line, color=INK, linewidth=0.8, zorder=2.9)
-    drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
-    drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    points = [place[side.name][:, rows[side.name]].T for side in seen.sides]
+    points += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
     if plane.gates is not None:
         row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
         gates = ellipses(place["truth"][:, row], plane.gates[:, row], power)
@@ -378,14 +378,14 @@ def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Arti
         made = PolyCollection(list(gates), label="gates", **looks)
         axis.add_collection(made)
         handles[f"gate of {seen.word('truth')}"] = made
-        drawn.append(gates.reshape(-1, 2))
+        points.append(gates.reshape(-1, 2))
     steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
     begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
     span = begin if begin == end else f"{begin} to {end}"
     what = "farthest pair" if (seen.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
     # last, and not fixed: the aspect may widen them
-    low, high = (end(np.concatenate([line.T, *drawn]), axis=0) for end in (np.nanmin, np.nanmax))
+    low, high = (end(np.concatenate([line.T, *points]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
     axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
@@ -416,13 +416,13 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """A line for each stretch of steps, those of estimates in turn in several colours."""
+    """Draw a line for each stretch of steps; estimates take several colours in turn."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
         return {}
     thin = style.settings.get("lines.linewidth", 1.3)
-    apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.document["stride"])
-    breaks = np.flatnonzero(apart) + 1
+    separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.document["stride"])
+    breaks = np.flatnonzero(separate) + 1
     single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
@@ -438,9 +438,9 @@ def _lines(
     dot |= {"zorder": 2.1, "label": f"{side.name}/single"}
     handles: dict[str, Artist] = {}
     for turn, shade in enumerate([SOFT] if truth else TRACK_COLOURS):
-        drawn = truth | (colour == turn) | (colour == -1)
+        shown = truth | (colour == turn) | (colour == -1)
         both: Any = {"color": shade, "rasterized": many}
-        line = axis.plot(x[drawn], y[drawn], label=f"{side.name}/{turn}", **both, **looks)[0]
+        line = axis.plot(x[shown], y[shown], label=f"{side.name}/{turn}", **both, **looks)[0]
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(*(values[dots] for values in place), **both, **dot)
@@ -557,12 +557,12 @@ def rows_of_switches(seen: PlotData) -> Ints:
     key = seen.steps + 1
     row, switches = seen.truth.row, seen.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
-    found = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
-    return np.asarray(np.maximum(found, 0))
+    before = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
+    return np.asarray(np.maximum(before, 0))
 
 
 # -------------------------------------------------------------------------------------------------
-# What was read, before anything is compared: the plane, and who is there when.
+# The data as read, before any comparison: the plane, and the tracks over time.
 
 LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},

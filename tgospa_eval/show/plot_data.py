@@ -1,4 +1,4 @@
-"""From a result to what page and pictures draw: costs, lanes, positions, events. Plain data.
+"""Plain data for the page and pictures of a result: costs, lanes, positions, events.
 
 A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
@@ -85,22 +85,22 @@ RUN = ("track", "begin", "end", "other")
 """What there is of each stretch of one assignment."""
 
 
-def plane_columns(known: Sequence[str], asked: Sequence[str] | None) -> tuple[str, str]:
-    """What is across and up.
+def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
+    """Return the columns of the horizontal and the vertical axis.
 
     Raises
     ------
     ConfigError
-        `asked` names an unknown column, or not exactly two.
+        `requested` names an unknown column, or not exactly two.
     """
     boxes = is_box(known)
     names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
-    if asked is not None:
-        odd = [name for name in asked if name not in names]
-        if odd or len(asked) != 2 or isinstance(asked, str):
-            text = asked if isinstance(asked, str) else ",".join(asked)
+    if requested is not None:
+        odd = [name for name in requested if name not in names]
+        if odd or len(requested) != 2 or isinstance(requested, str):
+            text = requested if isinstance(requested, str) else ",".join(requested)
             raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
-        return asked[0], asked[1]
+        return requested[0], requested[1]
     if boxes:
         return "centre x", "centre y"
     if is_map(known):
@@ -147,7 +147,7 @@ class DrawnSide:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlotData:
-    """What is drawn: the page takes the document and the arrays, pictures that and the sides.
+    """Data to draw: the page uses the document and arrays, pictures use the document and sides.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class PlotData:
 
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
-        """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
+        """Values of each side's rows for the plane: columns, centres of boxes, the time."""
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
@@ -182,13 +182,13 @@ class PlotData:
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """What the plane can show of states (R, d) at these steps."""
+        """Values that the plane can show of states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
-        found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
-        return found | {TIME: self.time.at[step]} if found else {}
+        shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
+        return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
-        """What a side or a part is called."""
+        """Name of a side or a part."""
         return str(self.document["words"].get(name, name))
 
     @property
@@ -221,7 +221,7 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 
 
 def _result_data(result: Evaluation) -> PlotData:
-    """What page and pictures of a result draw.
+    """Data for the page and pictures of a result.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
@@ -249,46 +249,47 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 """How an association calls sides and parts."""
 
 
-def _association_data(found: Pairing) -> PlotData:
-    """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
+def _association_data(pairing: Pairing) -> PlotData:
+    """Data to draw an association: its sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
     """
-    sides, steps, power = found.sides, len(found.first.times), getattr(found.distance, "power", 2.0)
+    sides, steps = pairing.sides, len(pairing.first.times)
+    power = getattr(pairing.distance, "power", 2.0)
     given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
     tables: dict[str, Columns] = {}
     costs: dict[str, Floats] = {"localisation": np.zeros(steps)}
     counts: dict[str, Floats] = {}
-    for (name, kind), side, other, partner, apart in zip(
-        KINDS.items(), sides, sides[::-1], found.partners, found.partings, strict=True
+    for (name, kind), side, other, partner, distance in zip(
+        KINDS.items(), sides, sides[::-1], pairing.partners, pairing.partings, strict=True
     ):
         alone, track = partner == NONE, side.track.astype(np.int64)
         rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
         rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
-        rows["error"] = np.where(alone, 1.0, apart / found.cutoff)
-        if name == "truth" and found.gates is not None:
-            rows["gate"] = found.gates
+        rows["error"] = np.where(alone, 1.0, distance / pairing.cutoff)
+        if name == "truth" and pairing.gates is not None:
+            rows["gate"] = pairing.gates
         rows = by_track(rows, side.state, side.second_moments, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
-        lost = alone * found.cutoff / 2
-        values = {"localisation": apart, "unassigned": lost, "total": apart + lost}
+        lost = alone * pairing.cutoff / 2
+        values = {"localisation": distance, "unassigned": lost, "total": distance + lost}
         values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
         sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
         tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
-        parts = {"localisation": apart, kind: lost}
+        parts = {"localisation": distance, kind: lost}
         costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
         counts[kind] = np.bincount(side.step, alone, steps).astype(float)
     lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
     lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
-    times = readable(found.first.shown.tolist())
-    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
+    times = readable(pairing.first.shown.tolist())
+    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": pairing.cutoff, "order": 1.0}
     document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
     for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
         document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
     document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
     document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
-    about = f"c = {found.cutoff:g}, {found.distance.name}"
-    return drawn_data(given, found.first.columns, tables, document, about)
+    about = f"c = {pairing.cutoff:g}, {pairing.distance.name}"
+    return drawn_data(given, pairing.first.columns, tables, document, about)
 
 
 def drawn_data(
@@ -298,7 +299,7 @@ def drawn_data(
     document: Json,
     about: str,
 ) -> PlotData:
-    """What is drawn of the rows of both sides, whose clouds lie one behind the other.
+    """Data to draw the rows of both sides; their clouds lie one behind the other.
 
     `tables` are those of the tracks; `document` says what is drawn over time.
     """
@@ -376,12 +377,12 @@ def drawn_data(
 
 
 def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Particles of the clouds of every so many steps.
+    """Particles of the clouds at every `every`-th step.
 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
     slot chooses them: each stands for the weight of the slots that fall on it.
     """
-    found: list[Rows] = []
+    particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
     chosen = np.flatnonzero((row["step"] % every == 0) & (row["cloud"] != NONE))
     chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // FEWEST)))]
@@ -392,18 +393,18 @@ def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
         if len(points) > 1:  # else it is a point
-            found.append({"row": np.full(len(points), k), "state": points, "weight": weights})
+            particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
-    return {name: np.concatenate([none[name], *(one[name] for one in found)]) for name in none}
+    return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
 
 
 def is_map(names: Collection[str]) -> bool:
-    """Whether states have latitude and longitude, in degrees."""
+    """Check whether states have latitude and longitude, in degrees."""
     return {"lat", "lon"} <= set(names)
 
 
 def is_box(columns: Sequence[str]) -> bool:
-    """Whether states are boxes in pictures."""
+    """Check whether states are boxes in pictures."""
     return tuple(columns[: len(BOX)]) == BOX
 
 
@@ -416,21 +417,21 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """How many times longer a degree of latitude is than one of longitude, at the mean latitude."""
+    """Length of a degree of latitude over one of longitude, at the mean latitude."""
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
-def _windows(result: Evaluation, slid: Windows) -> Json:
-    """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
+def _windows(result: Evaluation, windows: Windows) -> Json:
+    """(cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
     costs["total"] = sum(costs.values(), np.zeros(len(each)))
     return {
-        "size": slid.size,
-        "first": slid.first.tolist(),
-        "last": slid.last.tolist(),
+        "size": windows.size,
+        "first": windows.first.tolist(),
+        "last": windows.last.tolist(),
         "tgospa": rounded(table["tgospa"]),
         "lines": {n: rounded(((cost / each) ** power).tolist()) for n, cost in costs.items()},
     }
@@ -439,7 +440,7 @@ def _windows(result: Evaluation, slid: Windows) -> Json:
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
     """One side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
-    found: list[Rows] = [
+    tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
         | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
     ]
@@ -451,19 +452,19 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         rows["other"] += np.where(rows["other"] < 0, 0, first[other])
         rows["cloud"][rows["cloud"] != NONE] += sum(map(len, clouds))
         clouds += [] if (own := _clouds(part, name)) is None else [own]
-        found.append(rows | {"track": rows["track"] + first[name]})
+        tables.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
-    wide = max(rows["spread"].shape[1] for rows in found)
-    for rows in found:  # of some parts the states may be points, which have no spread
+    wide = max(rows["spread"].shape[1] for rows in tables)
+    for rows in tables:  # states of some parts may be points, without a spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
-    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}, clouds
+    return {name: np.concatenate([rows[name] for rows in tables]) for name in tables[0]}, clouds
 
 
 def _clouds(part: PairEvaluation, name: str) -> Clouds | None:
-    found: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
-    return found
+    clouds: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
+    return clouds
 
 
 def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
@@ -500,7 +501,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Rows with these states and what is around them, sorted by track."""
+    """Rows with these states and the shapes around them, sorted by track."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -550,7 +551,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    # one after the other: along the first axis of what has few columns it takes ten times as long
+    # column by column: along the first axis of a narrow array it takes ten times as long
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
@@ -587,10 +588,10 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
-        found = read_switches(part.proof.states, part.proof.weights)
-        rows["step"] += found.step.tolist()
-        rows["truth"] += (found.truth + truths).tolist()
-        for name, track in (("from", found.before), ("to", found.after)):
+        switches = read_switches(part.proof.states, part.proof.weights)
+        rows["step"] += switches.step.tolist()
+        rows["truth"] += (switches.truth + truths).tolist()
+        for name, track in (("from", switches.before), ("to", switches.after)):
             rows[name] += np.where(track < 0, NONE, track + estimates).tolist()
         table = part.table("switches")
         for name in ("mass", "cost"):
@@ -600,7 +601,7 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
 
 
 def _repairs(result: Evaluation) -> Columns:
-    """Of each repair the numbers of its tracks, its steps, and itself in words."""
+    """Track numbers and steps of each repair, and the repair in words."""
     explained = explanation_of(result)
     repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
@@ -614,7 +615,7 @@ def _repairs(result: Evaluation) -> Columns:
 
 
 # -------------------------------------------------------------------------------------------------
-# Ellipses, and what is drawn over time; of many steps, thinned.
+# Ellipses, and data over time, thinned if there are many steps.
 
 NUMBERS = 150_000
 """Numbers of covariances that are encoded; beyond, those of every so many steps."""
@@ -636,7 +637,7 @@ ANGLE = 64
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """How the numbers of both sides are to be read; nothing where there are no ellipses.
+    """Scales of the packed numbers of both sides; empty without ellipses.
 
     Parameters
     ----------
@@ -687,13 +688,13 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
         size = -FINE * np.log(deviation / largest)
         correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
         level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
-    # No logarithm or correlation of what has no deviation.
+    # Without a deviation there is no logarithm and no correlation.
     level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
     return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
 
 def deviations(variances: Floats) -> Floats:
-    """Roots of what is a variance; of what overflowed there is no picture."""
+    """Square roots of variances; overflowed ones have no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
@@ -726,7 +727,7 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
 
 
 def rounded(values: list[float]) -> list[float]:
-    """Seven digits, which is more than is shown."""
+    """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
@@ -737,7 +738,7 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    """First step and costliest step of each of at most so many bins of equal length."""
     together = max(1, -(-len(total) // most))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
@@ -759,7 +760,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
+    """Data over time of at most so many stretches of steps: means, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)

@@ -54,7 +54,7 @@ def markdown(text: str) -> str:
     """The text in a paragraph, a list or a cell of Markdown."""
     text = visible(text).replace("&", "&amp;").replace("<", "&lt;")
     text = "".join(f"\\{c}" if c in "\\`*_|[]#~$" else c for c in text)
-    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda found: f"\\{found[0]}", text))
+    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda match: f"\\{match[0]}", text))
 
 
 def markdown_code(text: str) -> str:
@@ -110,8 +110,8 @@ def latex_comment(text: str) -> str:
 def xml(text: str) -> str:
     """Lines of text in an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
-    text = re.sub(_NO_XML, lambda found: f"\\u{ord(found[0]):04x}", text)
-    return re.sub(_XML, lambda found: f"&#{ord(found[0])};", text).replace("\n", "&#10;")
+    text = re.sub(_NO_XML, lambda match: f"\\u{ord(match[0]):04x}", text)
+    return re.sub(_XML, lambda match: f"&#{ord(match[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
@@ -126,7 +126,7 @@ def workflow_property(text: str) -> str:
 
 
 def csv_cell(value: object) -> object:
-    """The value in a CSV table: what a spreadsheet would take for a formula gets a ' in front.
+    """Value in a CSV table: one that a spreadsheet would take for a formula gets a ' in front.
 
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
@@ -217,7 +217,7 @@ def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """What a report consists of: what it is, one sentence, lines about the problem, tables, notes.
+    """A report: title, one sentence, lines about the problem, tables, notes.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ class Document:
 
 
 def as_text(document: Document) -> str:
-    """For a terminal, 80 columns."""
+    """Text of a report for a terminal, 80 columns."""
     blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
@@ -256,7 +256,7 @@ def as_text(document: Document) -> str:
 
 
 def as_markdown(document: Document) -> str:
-    """For a pull request or a lab book."""
+    """Markdown of a report, for a pull request or a lab book."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
     blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
@@ -286,7 +286,7 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
 
 
 def as_html(document: Document) -> str:
-    """For a cell of a notebook."""
+    """HTML of a report, for a cell of a notebook."""
     tables = "".join(line for table in document.tables for line in _html_lines(table))
     above, below = (
         "".join(f'<div style="opacity:.75;font-size:.92em">{xml(line)}</div>' for line in lines)
@@ -325,7 +325,7 @@ def rendered(
     json: Callable[[T], str],
     columns: Callable[[T], Columns],
 ) -> str:
-    """What ``--format`` prints of a subject, with what makes each of it."""
+    """Return a subject in the format of ``--format``, by the function for that format."""
     if format == "json":
         return json(subject)
     return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
@@ -336,7 +336,7 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: most print no CSV
 
     lines: list[str] = []
-    # Told of both ends of lines the writer quotes texts with either; the file has one of them.
+    # With both line ends as its own the writer quotes texts with either; files have one of them.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -428,7 +428,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
 
 
 def _is_numeric(table: Table, column: int) -> bool:
-    """Whether all cells of a column are numbers, or empty."""
+    """Check whether all cells of a column are numbers or empty."""
     cells = [row[column] for row in table.rows if len(row) > column and row[column]]
     return bool(cells) and all(re.fullmatch(_NUMBER, str(cell)) for cell in cells)
 
@@ -468,7 +468,7 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(table: Table) -> list[str]:
-    """Columns as wide as they need.
+    """Lines of a table with columns as wide as their contents.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first columns again: all of text that tell rows apart,
@@ -495,18 +495,18 @@ def fitted(table: Table) -> list[str]:
             for group in _that_fit(others, room - taken)
         ]
     for columns in groups:
-        apart = {k: "  " if table.sides[k] == "l" else "" for k in columns}
-        head, *found = [
-            [_short(row[0], first), *(apart[k] + row[k] for k in columns)] for row in rows
+        spacing = {k: "  " if table.sides[k] == "l" else "" for k in columns}
+        head, *body = [
+            [_short(row[0], first), *(spacing[k] + row[k] for k in columns)] for row in rows
         ]
         wide = (first, *(widths[k] + 2 for k in columns))
         align = "".join(table.sides[k] for k in (0, *columns))
-        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide, align=align))]
+        lines += ["", *text_lines(Table(head=head, rows=body, widths=wide, align=align))]
     return lines[1:]
 
 
 def _first_width(texts: list[str], others: int) -> int:
-    """Columns for the first cells beside others: all they need, or what is left, or enough."""
+    """Width of the first column: all it needs, or the rest, or enough."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - others
     least = min(LEAST, longest)
@@ -565,7 +565,7 @@ def or_dash(value: float | None, form: str) -> str:
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """One number if both ends are the same as they are shown, else both."""
+    """One number if both ends look the same, else both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
@@ -591,7 +591,7 @@ def unit_of(parameters: Mapping[str, Any]) -> str:
 
 
 def size_of(sizes: Mapping[str, int]) -> str:
-    """How large a problem is."""
+    """Size of a problem in words."""
     return (
         f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
@@ -603,7 +603,7 @@ LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Parameters of the metric, those that there are, and the distance."""
+    """Given parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -683,7 +683,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Which are proven to be better than all others, or equal to such; or to have this place."""
+    """Entries proven to be best, alone or as equals; or proven to have this place."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
@@ -691,7 +691,7 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Row and column of the values that are proven to be the least of those they compete with.
+    """Row and column of each value that is proven to be the least of its rivals.
 
     Of the second `place` those that are proven to have that.
 

@@ -73,23 +73,23 @@ LOW = {"IDSW", "total"}
 """Of what is shown in a ranking: the lower the better, as TGOSPA; all else is the other way."""
 
 
-def other_table(found: OtherMetrics) -> Table:
+def other_table(other: OtherMetrics) -> Table:
     """A row for each metric of one evaluation."""
     rows: list[Row] = []
     for name, (main, parts) in PARTS_SHOWN.items():
-        if name in found:
-            beside = ", ".join(f"{_short(part)} {other_value(part, found[name])}" for part in parts)
+        if name in other:
+            beside = ", ".join(f"{_short(part)} {other_value(part, other[name])}" for part in parts)
             best = "low" if main in LOW else "high"
-            rows.append((_short(main), other_value(main, found[name]), best, beside))
+            rows.append((_short(main), other_value(main, other[name]), best, beside))
     return Table(head=("other metrics", "value", "best", None), rows=rows, align="lrrl")
 
 
-def similarity(found: OtherMetrics) -> Iterator[str]:
-    """What HOTA, MOTA and IDF1 compare, a sentence if there is one of them."""
-    if "similarity" not in found:
+def similarity(other: OtherMetrics) -> Iterator[str]:
+    """Explain what HOTA, MOTA and IDF1 compare, if there is one of them."""
+    if "similarity" not in other:
         return
-    zero, threshold = found["similarity"]["zero"], found["similarity"]["threshold"]
-    matching = " and ".join(PARTS_SHOWN[name][0] for name in ("clear", "identity") if name in found)
+    zero, threshold = other["similarity"]["zero"], other["similarity"]["threshold"]
+    matching = " and ".join(PARTS_SHOWN[name][0] for name in ("clear", "identity") if name in other)
     text = "similarity 1 - d" + ("" if zero == 1 else f" / {number(zero)}")
     if matching:
         near = number(zero * (1 - threshold))
@@ -100,26 +100,26 @@ def similarity(found: OtherMetrics) -> Iterator[str]:
 def grouped_table(
     head: tuple[str, ...],
     names: Sequence[tuple[str, ...]],
-    found: Sequence[OtherMetrics],
+    records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
     """A row for each of several records, with the names of each before it, if there are any.
 
     Of rows that are `rivals` the best values stand out.
     """
-    first = found[0] if found else {}
+    first = records[0] if records else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
     if shown:
         yield Table(
             head=(*head, *(_short(part) for _, part in shown)),
             rows=[
                 (*name, *(other_value(part, record[key]) for key, part in shown))
-                for name, record in zip(names, found, strict=True)
+                for name, record in zip(names, records, strict=True)
             ],
             labels=len(head),
             bold=best_cells(
                 {
-                    len(head) + k: _falls_short(part, [record[key][part] for record in found])
+                    len(head) + k: _falls_short(part, [record[key][part] for record in records])
                     for k, (key, part) in enumerate(shown)
                 },
                 rivals,
@@ -130,22 +130,22 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Whether covariances say how large errors are, and what they cost; if all say so.
+    """Table of the NEES and the cost of covariances, if all have a NEES.
 
     Items have the costs of means and of spreads, and the record of NEES.
     """
-    found = [item.get(NEES) or {"mean": None} for item in items]
-    if not found or any(record["mean"] is None for record in found):
+    records = [item.get(NEES) or {"mean": None} for item in items]
+    if not records or any(record["mean"] is None for record in records):
         return
     columns = dict(zip(head, map(list, zip(*names, strict=True)), strict=True))
     for title, part in (("means", MEAN), ("spreads", SPREAD)):
         if all(item.get(part) is not None and item[part] == item[part] for item in items):
             columns[title] = [number(item[part], 5) for item in items]
-    columns["NEES"] = [number(record["mean"], 4) for record in found]
-    columns["ideal"] = [str(record["sums"]["components"]) for record in found]
-    columns["band"] = [band_in_words(record["lower"], record["upper"], "-") for record in found]
-    columns["in 95 %"] = [f"{record['inside']:.1%}" for record in found]
-    columns["verdict"] = [record["verdict"] for record in found]
+    columns["NEES"] = [number(record["mean"], 4) for record in records]
+    columns["ideal"] = [str(record["sums"]["components"]) for record in records]
+    columns["band"] = [band_in_words(record["lower"], record["upper"], "-") for record in records]
+    columns["in 95 %"] = [f"{record['inside']:.1%}" for record in records]
+    columns["verdict"] = [record["verdict"] for record in records]
     yield table_of(columns, labels=len(head))
 
 
@@ -166,20 +166,20 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
         yield record
 
 
-def direction(found: OtherMetrics) -> Iterator[str]:
-    """Which of the columns of a ranking are the better the higher, and what they compare."""
-    shown = [part for key, parts in COMPARED.items() if key in found for part in parts]
+def direction(other: OtherMetrics) -> Iterator[str]:
+    """Explain which columns of a ranking are better when higher, and what they compare."""
+    shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
             yield f"best is {end}: {', '.join(_short(part) for part in shown if part in chosen)}"
-    yield from similarity(found)
+    yield from similarity(other)
 
 
-def other_columns(found: Sequence[OtherMetrics]) -> Columns:
-    """Every number, a column each."""
+def other_columns(records: Sequence[OtherMetrics]) -> Columns:
+    """All numbers of the other metrics, a column each."""
     return {
-        f"{key}_{name}": [record[key][name] for record in found]
-        for key, record in found[0].items()
+        f"{key}_{name}": [record[key][name] for record in records]
+        for key, record in records[0].items()
         for name in record
     }
 
@@ -248,28 +248,28 @@ def group_tables(
         Of each what it is called, and its slices.
     """
     for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
-        found: dict[str, list[Row]] = {}
+        by_name: dict[str, list[Row]] = {}
         for names, slicings in groups:
             for slicing in slicings:
                 for one in shown_slices(slicing) if slicing.by == by else ():
                     cells = _cells(one, slicing.total)[1:]
-                    found.setdefault(one.name, []).append((one.name, *names, *cells))
+                    by_name.setdefault(one.name, []).append((one.name, *names, *cells))
         yield Table(
             head=(f"by {by}", *heads, *SLICE_HEAD[1:]),
-            rows=[row for name in in_order(found) for row in found[name]],
+            rows=[row for name in in_order(by_name) for row in by_name[name]],
             labels=1 + len(heads),
         )
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """The same for a terminal."""
+    """Lines of the slices for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:
-    """Of the total, in percent."""
+    """Share of the total in percent."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"
 
 
@@ -344,7 +344,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
 
 
 def headline(result: Evaluation) -> str:
-    """The value and what is known about it, in one sentence."""
+    """Value and its precision in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
@@ -383,7 +383,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
 
 
 def _unassigned(result: Evaluation) -> str:
-    """What missed and false targets cost."""
+    """Cost of missed and of false targets."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -407,7 +407,7 @@ def _power(value: float, order: float) -> str:
 
 
 def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
-    """Of each part its name, cost, share and count, and what is counted."""
+    """Name, cost, share and count of each part, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
@@ -438,8 +438,8 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
-    parts, found = part_table(result), explanation_of(result)
+    """Report of a result for Markdown and LaTeX: a small table, and all that was requested."""
+    parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
     tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
@@ -450,7 +450,7 @@ def document(result: Evaluation) -> Document:
     tables.append(Table(head=("summary", "value"), rows=numbers))
     tables += [other_table(result.with_)] if result.with_ else []
     tables += map(slices_table, result.sliced)
-    tables += [repair_table(result, found)] if found is not None and found.repairs else []
+    tables += [repair_table(result, repairs)] if repairs is not None and repairs.repairs else []
     scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
     return Document(
         title=headline(result),
@@ -463,9 +463,9 @@ def document(result: Evaluation) -> Document:
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),
             *about_slices(result.sliced, certified=result.certified),
-            *(() if found is None else repair_notes(found)),
+            *(() if repairs is None else repair_notes(repairs)),
         ],
-        warnings=result.told,
+        warnings=result.messages,
     )
 
 
@@ -498,7 +498,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """The value per step, and per object and step: the name, the value, by what the total is."""
+    """Value per step, and per object and step: its name, itself, and the divisor of the total."""
     judged, normalised = result.evaluated_on, result.normalised
     if judged.steps:
         yield "per step", result.quantity(normalised["tgospa"]), counted(judged.steps, "step")
@@ -537,21 +537,21 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """The score of the value per step, and on what scale, where that was asked for."""
-    found = result.similarity()
-    bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
+    """Score of the value per step, and its scale, if it was requested."""
+    score = result.similarity()
+    bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
-        f"{found.score:.4f}{bracket}, from 0 to 1; {found.false_targets:g} false a step score "
-        f"{found.score_of_false_targets:g}"
+        f"{score.score:.4f}{bracket}, from 0 to 1; {score.false_targets:g} false a step score "
+        f"{score.score_of_false_targets:g}"
     )
 
 
 def _curve(result: Evaluation) -> Iterator[str]:
     """The normalised curve at a few steps, the last one included."""
-    table, traced = result.table("curve"), result.traced
-    if traced is None or not table["t"]:
+    table, bounds = result.table("curve"), result.traced
+    if bounds is None or not table["t"]:
         return
-    met, size = traced.met(result.gap), len(table["t"])
+    met, size = bounds.met(result.gap), len(table["t"])
     title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
@@ -564,19 +564,19 @@ def _curve(result: Evaluation) -> Iterator[str]:
 
 
 def _windows(result: Evaluation) -> Iterator[str]:
-    """How many windows there are, and the worst of them."""
-    table, slid = result.table("windows"), result.slid
-    if slid is None or not table["t_first"]:
+    """Number of windows, and the worst of them."""
+    table, windows = result.table("windows"), result.slid
+    if windows is None or not table["t_first"]:
         return
-    met, size = slid.met(result.gap), len(table["t_first"])
+    met, size = windows.met(result.gap), len(table["t_first"])
     known = _known(met) if size > 1 else "proven exact" if met.all() else "an upper bound"
-    every = f", one every {slid.every}" if size > 1 else ""
+    every = f", one every {windows.every}" if size > 1 else ""
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
-    title = f"TGOSPA of {counted(size, 'window')} of {slid.size}{every}: {middle}{known}"
+    title = f"TGOSPA of {counted(size, 'window')} of {windows.size}{every}: {middle}{known}"
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
-    worst = _apart(slid, np.argsort(-value, kind="stable"))
+    worst = _apart(windows, np.argsort(-value, kind="stable"))
     names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
     rows = _rooted(table, worst, met, names)
     head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
@@ -584,7 +584,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """How many of several values are exact."""
+    """Say how many of several values are exact."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
@@ -602,11 +602,11 @@ def _rooted(
     ]
 
 
-def _apart(slid: Windows, order: Ints) -> list[int]:
+def _apart(spans: Windows, order: Ints) -> list[int]:
     """The first of some windows of which no two share a step."""
     kept: list[int] = []
     for k in order.tolist():
-        if all(slid.last[k] < slid.first[j] or slid.first[k] > slid.last[j] for j in kept):
+        if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
             kept.append(k)
         if len(kept) == SHOWN:
             break
@@ -630,13 +630,13 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Which single repairs of the estimate would save most, if that was asked for."""
-    found = explanation_of(result)
-    if found is None:
+    """Single repairs of the estimate that would save most, if they were requested."""
+    explanation = explanation_of(result)
+    if explanation is None:
         return
-    if found.repairs:
-        yield from text_lines(repair_table(result, found))
-    yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
+    if explanation.repairs:
+        yield from text_lines(repair_table(result, explanation))
+    yield from (line for note in repair_notes(explanation) for line in wrap(f"  {note}", "  "))
 
 
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
@@ -644,11 +644,11 @@ WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst es
 
 def _worst(result: Evaluation) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
-    found = result.worst(SHOWN)
+    worst = result.worst(SHOWN)
     rows = [
-        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
+        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in worst[kind]))
         for kind in WORST
-        if found[kind]
+        if worst[kind]
     ]
     return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
 
@@ -697,9 +697,9 @@ def _footer(result: Evaluation) -> Iterator[str]:
 # Repairs of an estimate, and the document of `explain`.
 
 
-def repair_table(result: Evaluation, found: Explanation) -> Table:
+def repair_table(result: Evaluation, explanation: Explanation) -> Table:
     """A row for each repair."""
-    repairs = found.repairs
+    repairs = explanation.repairs
     columns = {
         "": [str(rank) for rank in range(1, len(repairs) + 1)],
         "repair": [repair.text for repair in repairs],
@@ -711,26 +711,26 @@ def repair_table(result: Evaluation, found: Explanation) -> Table:
 
 
 def _saving(result: Evaluation, repair: Repair) -> str:
-    """What a repair saves of the total: a number, or the proven range where that is wide."""
+    """Saving of a repair: a number, or the proven range if it is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
         return number(repair.saving_upper)
     return f"{number(lower, 4)} to {number(upper, 4)}"
 
 
-def repair_notes(found: Explanation) -> Iterator[str]:
-    """How the savings are known, and that they are not additive."""
-    several = counted(found.tried, "repair")
-    if not found.repairs:
+def repair_notes(explanation: Explanation) -> Iterator[str]:
+    """Notes on how the savings are known, and that they do not add up."""
+    several = counted(explanation.tried, "repair")
+    if not explanation.repairs:
         yield f"no repair is known to save anything ({several} tried)"
         return
     yield f"each alone, from proven bounds before and after; {several} tried"
     yield NOT_ADDITIVE
 
 
-def explanation_document(found: Explanation) -> Document:
-    """What cost most, and the repairs."""
-    result = found.result
+def explanation_document(explanation: Explanation) -> Document:
+    """Report of the largest costs and the repairs."""
+    result = explanation.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
     return Document(
@@ -745,9 +745,9 @@ def explanation_document(found: Explanation) -> Document:
                 if worst[kind]
             ),
         ],
-        tables=[repair_table(result, found)] if found.repairs else [],
-        notes=list(repair_notes(found)),
-        warnings=result.told,
+        tables=[repair_table(result, explanation)] if explanation.repairs else [],
+        notes=list(repair_notes(explanation)),
+        warnings=result.messages,
     )
 
 
@@ -772,7 +772,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block with its looks; most are shown as they are."""
+    """Lines of a block in its style; most have none."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -792,7 +792,7 @@ def _part(result: Evaluation, line: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What associate and reduce computed.
+# Texts of associate and reduce.
 
 
 Spread = dict[str, float]
@@ -806,24 +806,24 @@ ROUNDING = 1e-9
 
 
 def association_text(
-    found: "Pairing", *, rows: bool = True, most: int = ROWS, rest: str | None = None
+    pairing: "Pairing", *, rows: bool = True, most: int = ROWS, rest: str | None = None
 ) -> str:
-    """Counts, and the associations in columns: at most so many, and where the rest is."""
-    count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
+    """Text of an association: counts, at most so many rows, and the place of the rest."""
+    count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
-        f"{counted(len(found.first.times), 'step')}",
-        f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
+        f"{counted(len(pairing.first.times), 'step')}",
+        f"sum {pairing.total:.6g}: distances, and {pairing.cutoff / 2:g} for each state that stays "
         "alone\n",
     ]
     if rows:
-        table = list(zip(*found.associations_table().values(), strict=True))
+        table = list(zip(*pairing.associations_table().values(), strict=True))
         lines += _aligned(("t", "A", "B", "distance", "of means"), table, most, rest)
     return "\n".join(lines) + "\n"
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """What changed, on the whole; the arguments are parts of the document."""
+    """Overall changes in words; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],

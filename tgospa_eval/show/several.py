@@ -51,12 +51,12 @@ AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
 def _seen(*errors: Iterable[float | None]) -> bool:
-    """Whether one of them is more than none."""
+    """Check whether one of them is more than zero."""
     return any(error is not None and error > FLOOR for each in errors for error in each)
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
+    """Draw the errors of the bounds of `sinkhorn` against all runs' bounds, by temperature."""
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
     entropic = [run["entropic"] or {} for run in runs]
@@ -88,7 +88,7 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
+    """Draw the time over the error; bars of the time if there is no error."""
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
@@ -122,7 +122,7 @@ def _epsilon(run: Json) -> float:
 
 
 def draw_convergence(document: Json, style: Style) -> Figure | None:
-    """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
+    """Draw the bounds of `sinkhorn` over its sweeps, against the bounds of all runs."""
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
         return None
@@ -145,13 +145,13 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
 
 
 def _legend(made: Figure, axis: Axes, columns: int) -> None:
-    """Above the axes, of what is named in these."""
+    """Draw the legend above the axes, of all labels in these axes."""
     handles, names = axis.get_legend_handles_labels()
     legend(made, handles, names, columns)
 
 
 def error_axis(axis: Axes, *, vertical: bool = True) -> None:
-    """A logarithmic axis of errors, by powers of ten, that says what stands at its end."""
+    """Make a logarithmic axis of errors, by powers of ten, with a note at its end."""
     which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
@@ -194,7 +194,7 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Whether not all failed, or contradict each other."""
+    """Check whether a run succeeded and contradicts no other."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
@@ -261,7 +261,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Lines of the errors of those that have any; returns the names of the others."""
+    """Draw lines of the errors; return the names of runs without errors."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
@@ -348,13 +348,13 @@ LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 
 
-def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
+def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
     """Small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
     """
-    table: Columns = found.columns()
-    x = [point.value for point in found.points]
+    table: Columns = sweep.columns()
+    x = [point.value for point in sweep.points]
     rows = 2 if style.wide else 4  # a column of a journal has room for two panels
     made, axes = figure(style.width, 0.75 * rows * style.low, rows, 8 // rows)
     panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
@@ -364,11 +364,11 @@ def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
         looks: dict[str, Any] = {"marker": MARKERS[at], "ms": style.mark, "clip_on": False}
         looks["color"] = INK if name == "tgospa" else LIGHT[PARTS[at]]
         axis.plot(x, table[name], "-", **looks)
-        if name == "tgospa" and not found.certified:
+        if name == "tgospa" and not sweep.certified:
             lower, upper = table["lower_bound"], table[name]
             axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
         label(axis, "", "" if k else "cost", title)
-    band = found.unchanged("missed_count", "false_count")
+    band = sweep.unchanged("missed_count", "false_count")
     # Values crowd at the low end, as evenly spaced logarithms do.
     low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
     crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
@@ -381,8 +381,8 @@ def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
             _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
         axis.set_ylim(0, None)
     made.supxlabel(
-        AXIS_NAMES[found.parameter]
-        + (f" ({literal(found.unit)})".replace("$", r"\$") if found.unit else "")
+        AXIS_NAMES[sweep.parameter]
+        + (f" ({literal(sweep.unit)})".replace("$", r"\$") if sweep.unit else "")
         + ("; grey: missed and false do not change in number" if band is not None else ""),
         fontsize="medium",
     )
@@ -390,7 +390,7 @@ def draw_sweep(found: SweepEvaluation, style: Style) -> Figure:
 
 
 # -------------------------------------------------------------------------------------------------
-# Of a batch: values side by side, what costs are made of, curves over steps.
+# Pictures of a batch: values side by side, parts of the costs, curves over steps.
 
 MOST_BARS = 40
 
@@ -407,7 +407,7 @@ ROW = 0.21
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Totals of runs, those of the baseline and of now, as shares of the baseline's mean.
+    """Draw totals of runs, baseline and current, as shares of the baseline's mean.
 
     Parameters
     ----------
@@ -469,14 +469,14 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
         runs = " to ".join(map("{:,}".format, sorted({min(counts), max(counts)})))
         titled(axes[0, 0], style, f"Root mean square over the runs ({runs} at each time)")
     clock, places, ends = on_one_axis([curve for _, curve in curves])
-    drawn: dict[str, Artist] = {}
+    lines_by_group: dict[str, Artist] = {}
     for (row, column), axis in np.ndenumerate(axes):
         name, kind = lines[row], kinds[column]
         top = 0.0
         for (track, curve), at in zip(curves, places, strict=True):
             if curve.kind == kind:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve, name, track)
+                lines_by_group[group] = _draw_line(axis, at, curve, name, track)
                 top = max(top, curve.top(name))
         axis.set_ylim(0, ROOM * top or 1.0)
         name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
@@ -486,12 +486,12 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
             axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
         if parts and row + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.wide else 3)
+    legend(made, list(lines_by_group.values()), list(lines_by_group), 4 if style.wide else 3)
     return made
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """What there is of each group over time in one figure: costs per step, counts, NEES."""
+    """Draw all curves of each group over time in one figure: costs per step, counts, NEES."""
     curves = [(track, curve) for track, curve in tables.drawn_curves if curve.kind == "step"]
     lines = [
         name
@@ -504,7 +504,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
     down = -(-len(lines) // across)
     made, axes = figure(style.width, PANEL * style.low * down, down, across)
     clock, places, ends = on_one_axis([curve for _, curve in curves])
-    drawn: dict[str, Artist] = {}
+    lines_by_group: dict[str, Artist] = {}
     for k, axis in enumerate(axes.T.flat):
         if k >= len(lines):
             axis.set_visible(False)
@@ -513,14 +513,14 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
         for (track, curve), at in zip(curves, places, strict=True):
             if name in curve.rms or name in curve.means:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve, name, track)
+                lines_by_group[group] = _draw_line(axis, at, curve, name, track)
                 top = max(top, curve.top(name))
             if name == "estimate_states" and name in curve.means:
                 truth = curve.means["truth_states"]
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
-                drawn["truth"] = axis.plot(at, truth, **looks)[0]
+                lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
-        if name == NEES:  # what it is where covariances are right
+        if name == NEES:  # the mean NEES of correct covariances
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
             components = next(sums.components for sums in rows if sums is not None)
             axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
@@ -533,12 +533,12 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
         axis.set_title(about, fontsize="medium", loc="left", parse_math=False)
         if (k + 1) % down and k + 1 < len(lines):
             axis.set_xlabel("")
-    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    legend(made, list(lines_by_group.values()), list(lines_by_group), 4 if style.titles else 3)
     return made
 
 
 def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """The same of the parts."""
+    """Draw the curves of the parts."""
     return draw_curves(tables, style, parts=True)
 
 
@@ -570,7 +570,7 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
-    """Value per step of each cell; of many rows those lie across, without numbers."""
+    """Draw the value per step of each cell; many rows lie across, without numbers."""
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:
         return None

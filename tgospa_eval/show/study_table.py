@@ -133,7 +133,7 @@ def value_name(order: float | None, jobs: int) -> str:
 
 
 def study_caption(title: str, parameters: Mapping[str, Any]) -> str:
-    """What the table shows, for a paper."""
+    """Caption of the table for a paper."""
     about = parameters_of(parameters).replace("gamma", "\u03b3")
     return (
         f"{title} and its parts over runs and time steps{' (' * bool(about)}{about}"
@@ -146,7 +146,7 @@ def study_table(
     heads: Sequence[str],
     rivals: Sequence[Sequence[int]],
     title: str,
-    asked: Sequence[str] = (),
+    requested: Sequence[str] = (),
     caption: str = "",
 ) -> Table:
     """The table.
@@ -161,7 +161,7 @@ def study_table(
         Rows that compete with each other.
     title : str
         The head of the value.
-    asked : sequence of str
+    requested : sequence of str
         Names of columns; by default those that say something.
     caption : str
         What LaTeX says above it.
@@ -173,9 +173,9 @@ def study_table(
     """
     columns: dict[str, Sequence[str]] = {}
     compared: dict[int, list[Interval]] = {}
-    for name in dict.fromkeys(asked) or COLUMNS:
-        for head, cells, worse in _columns(name, rows, title, asked=bool(asked)):
-            if asked or (any(cells) and not _says_nothing(name, cells)):
+    for name in dict.fromkeys(requested) or COLUMNS:
+        for head, cells, worse in _columns(name, rows, title, wanted=bool(requested)):
+            if requested or (any(cells) and not _says_nothing(name, cells)):
                 if worse:
                     compared[len(heads) + len(columns)] = worse
                 columns[head] = [cell or "-" for cell in cells]
@@ -193,7 +193,7 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Whether a column can be left out: all have as many jobs, or rows are in the proven order."""
+    """Check whether a column adds nothing: equal job counts, or rows in the proven order."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
@@ -203,8 +203,8 @@ Column = tuple[str, Sequence[str], list[Interval]]
 """Head, cells, and what is the least for the best; nothing where none is called best."""
 
 
-def _columns(name: str, rows: Sequence[StudyRow], title: str, *, asked: bool) -> Iterator[Column]:
-    """The column of a name; none of what is not there, unless it was `asked` for."""
+def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
+    """Column of a name; none if it has no values, unless it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -230,7 +230,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, asked: bool) ->
         means = [row.mean_of_roots for row in rows if row.mean_of_roots is not None]
         if means:
             yield "mean of roots", [number(mean) for mean in means], []
-        elif asked:
+        elif wanted:
             raise ConfigError(
                 f"{option('columns_of_table', name)}: is not there; {option('mean_of_roots')} of a "
                 "batch adds it"
@@ -278,7 +278,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """How far values are above the least, so that those that differ by roundings are equal."""
+    """Distance of the values above the least; values that differ by rounding are equal."""
     least, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(least), abs(largest)) or 1.0
     return [_exact(round((value.upper - least) / width)) for value in values]
@@ -305,7 +305,7 @@ def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """A value with so many digits as `largest` has, or both ends where they differ there."""
+    """Value with as many digits as `largest`, or both ends if these differ there."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0

@@ -137,7 +137,7 @@ FILES: Mapping[str, dict[str, Any]] = {
 
 
 def available() -> bool:
-    """Whether matplotlib is installed."""
+    """Check whether matplotlib is installed."""
     return find_spec("matplotlib") is not None
 
 
@@ -176,7 +176,7 @@ class Style:
 
     @property
     def wide(self) -> bool:
-        """Whether there is room for several panels side by side."""
+        """True if there is room for several panels side by side."""
         return self.width > 5
 
     @property
@@ -247,7 +247,7 @@ LINES: Mapping[str, dict[str, Any]] = {
 
 @contextmanager
 def styled(name: str = "screen") -> Iterator[Style]:
-    """The settings of matplotlib that make a picture of this style, whatever those of the user.
+    """Apply the style to matplotlib, whatever the settings of the user.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Ticks of an axis of time at round times, and their names; what all share stands once."""
+"""Ticks of a time axis at round times, and their names; the common part stands once."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ WHOLE = 2.0**53
 
 
 def moments(times: Sequence[Time]) -> Json:
-    """How times are drawn, as a part of the document of the page.
+    """Description of the time axis for the document of the page.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def moments(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Times as they were read; what is beyond the whole numbers of a browser is a text to it."""
+    """Times as they were read; numbers beyond the exact ones of a browser become texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -59,11 +59,11 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
     else:
         return "stamp", times[0], [float(t - whole[0]) for t in whole]
     try:
-        found = [datetime.fromisoformat(t.strip()) for t in times]
-        zone = found[0].tzinfo
-        found = [t.replace(tzinfo=UTC) if zone is None else t.astimezone(zone) for t in found]
-        first = found[0].replace(hour=0, minute=0, second=0, microsecond=0)
-        seconds = [(t - first).total_seconds() for t in found]
+        dates = [datetime.fromisoformat(t.strip()) for t in times]
+        zone = dates[0].tzinfo
+        dates = [t.replace(tzinfo=UTC) if zone is None else t.astimezone(zone) for t in dates]
+        first = dates[0].replace(hour=0, minute=0, second=0, microsecond=0)
+        seconds = [(t - first).total_seconds() for t in dates]
     except (ValueError, TypeError, OverflowError):
         return "step", "", None
     return "date", first.strftime("%Y-%m-%d"), seconds
@@ -76,7 +76,7 @@ def _usual(values: Floats) -> tuple[Floats, float]:
 
 
 def uneven(values: Floats) -> bool:
-    """Whether gaps would take most of an axis, or values do not grow."""
+    """Check whether gaps would take most of an axis, or values do not grow."""
     gaps, usual = _usual(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -98,7 +98,7 @@ FORMS = "%Y-%m-%d", "%Y"
 
 @dataclass(frozen=True, kw_only=True)
 class TimeAxis:
-    """Where steps are on an axis of time, and its ticks.
+    """Positions of the steps on an axis of time, and its ticks.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ class TimeAxis:
 
     @cached_property
     def at(self) -> Floats:
-        """Where each step is on the axis."""
+        """Position of each step on the axis."""
         if self.axis["kind"] == "step":
             return np.arange(len(self.times), dtype=float)
         return np.asarray(self.axis["values"] or self.times, float)
 
     @cached_property
     def edges(self) -> tuple[Floats, Floats]:
-        """Where each step begins and ends: in the middle between it and its neighbours.
+        """Begin and end of each step: the middle between it and its neighbours.
 
         Beside a gap it ends as beside a neighbour.
         """
@@ -145,7 +145,7 @@ class TimeAxis:
 
     @cached_property
     def shared(self) -> str:
-        """Of times that are texts with what all begin, as the date."""
+        """Common beginning of times that are texts, such as the date."""
         if len(self.labels) < 2:
             return ""
         first, last = self.labels[0], self.labels[-1]
@@ -169,7 +169,7 @@ class TimeAxis:
         return places, names, title
 
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Round times of the day, or days; what they share of the date is in the name."""
+        """Round times of the day, or days; the common part of the date is in the name."""
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
         try:

@@ -1,4 +1,4 @@
-"""Synthetic scenes: a ground truth by name, and what a tracker with known errors makes of it."""
+"""Synthetic scenes: a ground truth by name, and the tracks of a tracker with known errors."""
 
 import math
 from dataclasses import replace
@@ -147,7 +147,7 @@ class Tracker:
 def simulate(
     scene: Scene, tracker: Tracker, rng: np.random.Generator
 ) -> tuple[Trajectories, Trajectories]:
-    """Make a scene and what the tracker reports of it.
+    """Make a scene and the tracks that the tracker reports.
 
     Times count from 1, ids of truths too; the track that begins on truth i is number 100 + i
     (1000 + i from 100 targets on, and so on), later tracks follow. Values are rounded to about a
@@ -199,7 +199,7 @@ def simulate(
 def _tracks(
     truth: Floats, scene: Scene, tracker: Tracker, streams: list[np.random.Generator]
 ) -> Floats:
-    """What is reported of the targets."""
+    """Tracks that the tracker reports of the targets."""
     for_merges, for_noise, for_misses, for_swaps, for_losses = streams
     meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
     states = errors.confirm_late(truth, tracker.confirmation)
@@ -235,17 +235,17 @@ def _trajectories(
         size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
     existing = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
-    found = Trajectories.from_array(
+    tracks = Trajectories.from_array(
         np.round(states[:, existing], decimals),
         columns,
         None if covariance is None else covariance[:, existing],
     )
     ids = np.array([str(before + 1 + k) for k in existing], dtype=object)
-    return replace(found, ids=ids, times=np.arange(1, scene.steps + 1))
+    return replace(tracks, ids=ids, times=np.arange(1, scene.steps + 1))
 
 
 def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
-    """Whether these fields are real numbers from a least to a most."""
+    """Check that these fields are real numbers within their limits."""
     for name, (least, most) in ranges.items():
         value = real_number(option(name), getattr(record, name))
         if not least <= value <= most:

@@ -39,21 +39,21 @@ def encounters(truth: Floats, near: float) -> Ints:
         tree = cKDTree(position[present], balanced_tree=False, compact_nodes=False)
         pairs.append(present[tree.query_pairs(near, output_type="ndarray")])
     first, second = np.sort(np.concatenate(pairs), axis=1).T
-    step = np.repeat(np.arange(len(truth)), [len(found) for found in pairs[1:]])
-    apart = np.hypot(*np.moveaxis(truth[step, first, :2] - truth[step, second, :2], -1, 0))
-    first, second, step, apart = (a[apart < near] for a in (first, second, step, apart))
+    step = np.repeat(np.arange(len(truth)), [len(own) for own in pairs[1:]])
+    distance = np.hypot(*np.moveaxis(truth[step, first, :2] - truth[step, second, :2], -1, 0))
+    first, second, step, distance = (a[distance < near] for a in (first, second, step, distance))
     order = np.lexsort((step, second, first))
     first, second, step = first[order], second[order], step[order]
     fresh = np.ones(len(step), bool)
     fresh[1:] = (np.diff(first) != 0) | (np.diff(second) != 0) | (np.diff(step) != 1)
     begin = np.flatnonzero(fresh)
     run = np.cumsum(fresh) - 1
-    by_distance = np.lexsort((step, apart[order], run))
+    by_distance = np.lexsort((step, distance[order], run))
     last = np.append(begin, len(step))[1:] - 1
-    found = np.stack(
+    met = np.stack(
         (first[begin], second[begin], step[begin], step[last] + 1, step[by_distance[begin]]), axis=1
     )
-    return found[np.lexsort((found[:, 1], found[:, 0], found[:, 2]))]
+    return met[np.lexsort((met[:, 1], met[:, 0], met[:, 2]))]
 
 
 Scenario = Callable[[int, int, float, np.random.Generator], Floats]
@@ -96,9 +96,9 @@ def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
     x_i(u) = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
     y_i = A/2 + A/5 sin(2 pi x_i / A + phi), phi uniform.
     """
-    apart = min(area / 20, 0.3 * area / max(targets, 1))
-    behind = apart * np.arange(targets)[::-1]
-    way = 0.9 * area - apart * max(targets - 1, 0)
+    spacing = min(area / 20, 0.3 * area / max(targets, 1))
+    behind = spacing * np.arange(targets)[::-1]
+    way = 0.9 * area - spacing * max(targets - 1, 0)
     x = area / 20 + behind + way * _progress(steps)[..., 0]
     y = area / 2 + area / 5 * np.sin(2 * np.pi * x / area + rng.uniform(0, 2 * np.pi))
     return np.stack((x, y), axis=-1)

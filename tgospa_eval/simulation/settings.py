@@ -22,7 +22,7 @@ DECIMALS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class StudySetting:
-    """What a source simulates, and by which parameters it evaluates.
+    """Simulated data of a source, and the parameters of its evaluation.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class StudySetting:
 
     @property
     def steps(self) -> int:
-        """Of the recording."""
+        """Number of steps of the recording."""
         return max(last for _, last in self.alive)
 
 
@@ -113,7 +113,7 @@ PUBLISHED = {
 def run_setting(
     setting: StudySetting, seed: int
 ) -> tuple[Trajectories, Trajectories, list[Floats]]:
-    """One run; where all runs of the source have the same truth, so have all seeds.
+    """Simulate one run; if all runs of the source share one truth, so do all seeds.
 
     The random numbers are not those of the source.
 
@@ -138,8 +138,8 @@ def run_setting(
     measurements = []
     for step in noisy:
         false = rng.uniform(*setting.square, size=(rng.poisson(setting.clutter), 2))
-        found = np.concatenate((step[~np.isnan(step[:, 0])], np.round(false, DECIMALS)))
-        measurements.append(rng.permutation(found))
+        scan = np.concatenate((step[~np.isnan(step[:, 0])], np.round(false, DECIMALS)))
+        measurements.append(rng.permutation(scan))
     return _named(states, 1), _named(noisy, 101), measurements
 
 
@@ -151,7 +151,7 @@ def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
     root = np.sqrt(setting.motion) * np.linalg.cholesky(np.array([[1 / 3, 1 / 2], [1 / 2, 1]]))
 
     def drawn() -> Floats:
-        """Of each target and coordinate the change of position and velocity (m, 2, 2)."""
+        """Random change of position and velocity of each target and coordinate, (m, 2, 2)."""
         return np.asarray(rng.standard_normal((count, 2, 2)) @ root.T)
 
     start = np.sqrt(setting.spread) * rng.standard_normal((count, 2, 2))
@@ -167,9 +167,9 @@ def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
 
 
 def _named(states: Floats, first: int) -> Trajectories:
-    found = Trajectories.from_array(states)
+    tracks = Trajectories.from_array(states)
     ids = np.array([str(first + k) for k in range(states.shape[1])], dtype=object)
-    return replace(found, ids=ids, times=np.arange(1, len(states) + 1))
+    return replace(tracks, ids=ids, times=np.arange(1, len(states) + 1))
 
 
 # -------------------------------------------------------------------------------------------------

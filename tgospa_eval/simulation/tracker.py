@@ -1,4 +1,4 @@
-"""What trackers do wrong, one function each. Knows no scenario and no file.
+"""Errors of trackers, one function each. Knows no scenario and no file.
 
 Each takes states (T, n, d), NaN where absent, and returns new ones. A column is a track; before
 `swap` and `fragment` column i follows target i. Meetings are those of
@@ -31,7 +31,7 @@ def particle_clouds(
     ratio = np.exp(-0.5 * (1 - WIDER**-2) * (drawn**2).sum(axis=-1))
     unit = 10 ** (len(str(count)) + 4)
     shares = np.floor(unit * ratio / ratio.sum(axis=1, keepdims=True))
-    # What rounding down left over goes to the heaviest.
+    # The remainder of rounding down goes to the heaviest.
     shares[np.arange(rows), shares.argmax(axis=1)] += unit - shares.sum(axis=1)
     points = np.round(centres[:, None] + noise * drawn, decimals)
     return Clouds(

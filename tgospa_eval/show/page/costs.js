@@ -5,9 +5,9 @@ const costs = {
   together: (width) => Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT))),
   dearest(step, width) {
     const size = this.together(width), first = step - (step - state.from) % size;
-    let found = first;
-    for (let k = first; k < Math.min(first + size, state.to + 1); k++) if (total[k] > total[found]) found = k;
-    return found;
+    let peak = first;
+    for (let k = first; k < Math.min(first + size, state.to + 1); k++) if (total[k] > total[peak]) peak = k;
+    return peak;
   },
 
   draw() {
@@ -103,12 +103,12 @@ const windows = doc.windows && {
   },
   nearest(x) {
     const [low, high] = this.shown(), width = this.canvas.clientWidth;
-    let found = null, least = Infinity;
+    let nearest = null, least = Infinity;
     for (let k = low; k <= high; k++) {
       const far = Math.abs(across(this.middle(k), width) - x);
-      if (far < least) [found, least] = [k, far];
+      if (far < least) [nearest, least] = [k, far];
     }
-    return found;
+    return nearest;
   },
   draw() {
     const [low, high] = this.shown();

@@ -29,8 +29,8 @@
       return;
     }
     if (!grip) {
-      const found = plane.nearest(event);
-      showTip(event, found ? laneWords(found, found.step).replace(/^/, `t = ${time(found.step)}\n`) : "");
+      const hit = plane.nearest(event);
+      showTip(event, hit ? laneWords(hit, hit.step).replace(/^/, `t = ${time(hit.step)}\n`) : "");
       return;
     }
     if (!moved && Math.hypot(event.offsetX - grip[0], event.offsetY - grip[1]) < 5) return;
@@ -43,8 +43,8 @@
   canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
   canvas.addEventListener("click", (event) => {
     if (moved) { moved = false; return; }
-    const found = plane.nearest(event);
-    if (found) choose({ side: found.side.name, track: found.track, step: found.step });
+    const hit = plane.nearest(event);
+    if (hit) choose({ side: hit.side.name, track: hit.track, step: hit.step });
   });
   canvas.addEventListener("wheel", (event) => {
     if (document.activeElement !== canvas && !event.ctrlKey) return;

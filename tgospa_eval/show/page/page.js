@@ -11,21 +11,21 @@ function decoded(text) {
   try { return decodeURIComponent(text); } catch { return text; }
 }
 function readAddress() {
-  const found = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
+  const chosen = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
   for (const part of location.hash.slice(1).split("&")) {
     const cut = part.indexOf("="), key = part.slice(0, cut), value = decoded(part.slice(cut + 1));
-    if (key === "repair" && repairs.text[value - 1] !== undefined) Object.assign(found, selectRepair(value - 1));
-    if (key === "step" && stepOf.has(value)) found.step = stepOf.get(value);
+    if (key === "repair" && repairs.text[value - 1] !== undefined) Object.assign(chosen, selectRepair(value - 1));
+    if (key === "step" && stepOf.has(value)) chosen.step = stepOf.get(value);
     if (key === "truth" || key === "estimate") {
       const track = sides[key].label.indexOf(value);
-      if (track >= 0) Object.assign(found, { side: key, track, repair: null });
+      if (track >= 0) Object.assign(chosen, { side: key, track, repair: null });
     }
     if (key === "range") {
       const [from, to] = part.slice(cut + 1).split("..").map((text) => stepOf.get(decoded(text)));
-      if (from !== undefined && to !== undefined && from <= to) Object.assign(found, { from, to });
+      if (from !== undefined && to !== undefined && from <= to) Object.assign(chosen, { from, to });
     }
   }
-  Object.assign(state, found);
+  Object.assign(state, chosen);
 }
 
 function refresh() {
@@ -72,8 +72,8 @@ function act(name) {
   if (name === "forth") choose({ step: Math.min((step ?? from - 1) + 1, steps - 1) });
   if (name === "next" || name === "previous") {
     const mine = state.side === "truth" ? (switchesOf.truth.get(state.track) || []).map((k) => doc.switches.step[k]) : switchSteps;
-    const found = name === "next" ? mine.find((k) => k > (step ?? -1)) : mine.findLast((k) => k < (step ?? steps));
-    if (found !== undefined) choose({ step: found });
+    const jump = name === "next" ? mine.find((k) => k > (step ?? -1)) : mine.findLast((k) => k < (step ?? steps));
+    if (jump !== undefined) choose({ step: jump });
   }
   if (name === "in" || name === "out") {
     const size = Math.min(Math.max(Math.round(span() * (name === "in" ? 0.5 : 2)), 4), steps);

@@ -44,9 +44,9 @@ const plane = {
     if (about) return about[name];
     const side = sides[state.side], { run } = side;
     if (state.side === name) return new Set([state.track]);
-    const found = new Set();
-    for (let r = run.first[state.track]; r < run.first[state.track + 1]; r++) if (run.other[r] >= 0) found.add(run.other[r]);
-    return found;
+    const followed = new Set();
+    for (let r = run.first[state.track]; r < run.first[state.track + 1]; r++) if (run.other[r] >= 0) followed.add(run.other[r]);
+    return followed;
   },
   coordinates(side) {
     return [side.row.axes[this.axisX.value], side.row.axes[this.axisY.value]];
@@ -299,11 +299,11 @@ const plane = {
 
   // A mark for each kind and place, whose area is the number of events there.
   groups(context, width, height) {
-    const found = { missed: new Map(), false: new Map(), switch: new Map() };
+    const byKind = { missed: new Map(), false: new Map(), switch: new Map() };
     const add = (name, x, y) => {
       if (x < 50 || x > width || y < 0 || y > height - 20) return;
-      const key = Math.floor(x / CELL) * 4096 + Math.floor(y / CELL), group = found[name].get(key) || [0, 0, 0];
-      found[name].set(key, [group[0] + x, group[1] + y, group[2] + 1]);
+      const key = Math.floor(x / CELL) * 4096 + Math.floor(y / CELL), group = byKind[name].get(key) || [0, 0, 0];
+      byKind[name].set(key, [group[0] + x, group[1] + y, group[2] + 1]);
     };
     for (const [side, name] of [[sides.truth, "missed"], [sides.estimate, "false"]]) {
       const { row } = side, [xs, ys] = this.coordinates(side);
@@ -316,12 +316,12 @@ const plane = {
       const at = step >= state.from && step <= state.to && (placeAt(sides.truth, track, step) || placeAt(sides.truth, track, step - 1));
       if (at) add("switch", ...this.place(at[this.axisX.value], at[this.axisY.value], width, height));
     });
-    this.most = Math.max(1, ...Object.values(found).flatMap((groups) => [...groups.values()].map((group) => group[2])));
-    const sums = Object.values(found).map((groups) => [...groups.values()].reduce((sum, group) => sum + group[2], 0));
+    this.most = Math.max(1, ...Object.values(byKind).flatMap((groups) => [...groups.values()].map((group) => group[2])));
+    const sums = Object.values(byKind).map((groups) => [...groups.values()].reduce((sum, group) => sum + group[2], 0));
     const largest = Math.min(CELL * 0.75, Math.sqrt((COVERED * width * height * this.most) / (2 * Math.max(1, ...sums))));
     context.globalAlpha = 0.8;
     context.lineWidth = 1.2;
-    for (const [name, groups] of Object.entries(found)) {
+    for (const [name, groups] of Object.entries(byKind)) {
       const path = new Path2D();
       for (const [xs, ys, count] of groups.values()) {
         const x = xs / count, y = ys / count, arm = Math.max(Math.sqrt(count / this.most) * largest, 1);
@@ -416,7 +416,7 @@ const plane = {
   },
   nearest(event) {
     if (!this.view) return null;
-    let best = 14 ** 2, found = null;
+    let best = 14 ** 2, nearest = null;
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     for (const side of [sides.truth, sides.estimate]) {
       const { row } = side, [xs, ys] = this.coordinates(side), only = this.chosenTracks(side.name);
@@ -424,13 +424,13 @@ const plane = {
         if (row.step[k] < state.from || row.step[k] > state.to) continue;
         const [x, y] = this.place(xs[k], ys[k], width, height);
         let far = (x - event.offsetX) ** 2 + (y - event.offsetY) ** 2;
-        // What is wrong, and what is selected, is found first.
+        // Errors and selected tracks take precedence.
         if (row.other[k] === NONE) far *= 0.6;
         if (only && !only.has(row.track[k])) far = far * 3 + 20;
-        if (far < best) [best, found] = [far, { side, track: row.track[k], step: row.step[k] }];
+        if (far < best) [best, nearest] = [far, { side, track: row.track[k], step: row.step[k] }];
       }
     }
-    return found;
+    return nearest;
   },
   zoom(factor, x = null, y = null) {
     const { view } = this, { clientWidth: width, clientHeight: height } = this.canvas, up = this.downward.checked ? 1 : -1;

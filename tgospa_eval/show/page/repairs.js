@@ -3,20 +3,20 @@ const { repairs } = doc;
 
 // The estimates that a repair changes, and the truths that they follow from just before it to just after.
 function concerned(k) {
-  const found = { truth: new Set(), estimate: new Set(repairs.tracks[k]) }, { run } = sides.estimate;
+  const involved = { truth: new Set(), estimate: new Set(repairs.tracks[k]) }, { run } = sides.estimate;
   const from = repairs.from[k], to = repairs.to[k] === NONE ? from : repairs.to[k];
   for (const track of repairs.tracks[k]) {
     let before = NONE, after = NONE;
     for (let r = run.first[track]; r < run.first[track + 1]; r++) {
       if (run.other[r] < 0) continue;
       if (run.end[r] < from) before = run.other[r];
-      else if (run.begin[r] <= to) found.truth.add(run.other[r]);
+      else if (run.begin[r] <= to) involved.truth.add(run.other[r]);
       else if (after === NONE) after = run.other[r];
     }
-    for (const other of [before, after]) if (other !== NONE) found.truth.add(other);
+    for (const other of [before, after]) if (other !== NONE) involved.truth.add(other);
   }
-  found.truth = new Set([...found.truth].sort((a, b) => a - b));
-  return found;
+  involved.truth = new Set([...involved.truth].sort((a, b) => a - b));
+  return involved;
 }
 let about = null;
 function selectRepair(k) {

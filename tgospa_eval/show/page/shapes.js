@@ -14,17 +14,17 @@ const shapes = {
     return this.any && across !== up;
   },
   note() {
-    const axes = [+plane.axisX.value, +plane.axisY.value], held = doc.particles.truth[1] + doc.particles.estimate[1];
+    const axes = [+plane.axisX.value, +plane.axisY.value], known = doc.particles.truth[1] + doc.particles.estimate[1];
     const all = doc.boxes ? doc.rows.truth[1] + doc.rows.estimate[1] : doc.spread.states, parts = [];
     const what = doc.boxes ? "boxes" : axes.includes(TIME) ? "95 % intervals" : "95 % ellipses";
     if (this.shown(...axes)) parts.push(`${number(this.shownAlong[0])} of ${number(all)} ${what}${!doc.boxes && doc.spread.stride > doc.stride ? ` (those of one in ${doc.spread.stride} steps are known)` : ""}`);
-    if (held && this.dots.checked) {
-      parts.push(`${number(this.shownAlong[1])} of ${number(held)} particles (the page has ${number(doc.particles.truth[0] + doc.particles.estimate[0])}${doc.every > doc.stride ? `, of one in ${doc.every} steps` : ""}), their area by weight`);
+    if (known && this.dots.checked) {
+      parts.push(`${number(this.shownAlong[1])} of ${number(known)} particles (the page has ${number(doc.particles.truth[0] + doc.particles.estimate[0])}${doc.every > doc.stride ? `, of one in ${doc.every} steps` : ""}), their area by weight`);
     }
     return parts.length ? `Along trajectories, more where the view is nearer: ${parts.join("; ")}; and all of the selected step.` : "";
   },
 
-  // Deviations of two components at a step and the angle between them; on a line between those that are told.
+  // Deviations of two components at a step and the angle between them; on a line between those that the page has.
   spread(side, spread, track, step, across, up) {
     const { row } = side;
     if (!spread) return null;
@@ -51,9 +51,9 @@ const shapes = {
     return this.ellipse(side, side.spread, track, step, at, across, up);
   },
   ellipse(side, spread, track, step, at, across, up) {
-    const found = this.spread(side, spread, track, step, across, up);
-    if (!found) return null;
-    const [s, t, turn] = found, points = [], { radius: [one, two], power = 2 } = spread.how;
+    const ellipse = this.spread(side, spread, track, step, across, up);
+    if (!ellipse) return null;
+    const [s, t, turn] = ellipse, points = [], { radius: [one, two], power = 2 } = spread.how;
     for (let k = 0; k < 48; k++) {
       const u = k * Math.PI / 24;
       const [x, y] = [Math.cos(u), Math.sin(u)].map(Math.abs), norm = power === null ? Math.max(x, y) : power === 2 ? 1 : (x ** power + y ** power) ** (1 / power);
@@ -113,12 +113,12 @@ const shapes = {
         for (let k = rowFrom(side, track, state.from); k < rowFrom(side, track, state.to + 1); k++) {
           const [x, y] = plane.place(xs[k], ys[k], width, height);
           if (near > CLOSE && last && (timed ? Math.abs(x - last[0]) < 24 : Math.hypot(x - last[0], y - last[1]) < reach)) continue;
-          const found = this.outline(side, track, row.step[k], row.axes.map((axis) => axis[k]), ...axes);
-          const points = (found || []).map((point) => plane.place(...point, width, height));
+          const ring = this.outline(side, track, row.step[k], row.axes.map((axis) => axis[k]), ...axes);
+          const points = (ring || []).map((point) => plane.place(...point, width, height));
           const size = Math.max(0, ...points.map((point) => Math.hypot(point[0] - x, point[1] - y)));
           context.globalAlpha = 0.4;
           const dots = inside(x, y) ? this.specks(context, side, k, ...axes, width, height) : 0;
-          if (!found && !dots) continue;
+          if (!ring && !dots) continue;
           [last, reach] = [[x, y], Math.max(2 * size, 24)];
           if (inside(x, y)) this.shownAlong[1] += dots;
           if (size <= 3) continue;

@@ -128,12 +128,12 @@ function switchItem(k) {
     " to ", trackLink("estimate", to[k], step[k]), `${half}, cost ${number(cost[k])}`];
 }
 function aloneAt(name, step) {
-  const side = sides[name], found = [];
+  const side = sides[name], links = [];
   for (let track = 0; track < side.count; track++) {
     const r = runAt(side, track, step);
-    if (r >= 0 && side.run.other[r] === NONE) found.push(trackLink(name, track, step));
+    if (r >= 0 && side.run.other[r] === NONE) links.push(trackLink(name, track, step));
   }
-  return found;
+  return links;
 }
 function joined(links) {
   const shown = links.slice(0, MANY).flatMap((item, k) => k ? [", ", item] : [item]);
