@@ -45,13 +45,14 @@ def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:
 
 
 def assert_as_by_brute_force(
-    truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Distance
+    truth: Trajectories, estimate: Trajectories, cutoffs: float | list[float], norm: Distance
 ) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         distance = norm(truth.state[:, None], estimate.state[None])
-    i, j = np.nonzero((distance < cutoff) & (truth.step[:, None] == estimate.step[None]))
-    pairs = near_pairs(truth, estimate, cutoff, norm)
-    assert np.array_equal(pairs.truth_row, i)
-    assert np.array_equal(pairs.estimate_row, j)
-    assert np.array_equal(pairs.distance, distance[i, j])
-    assert pairs.truth_row.dtype == pairs.estimate_row.dtype == np.int32
+    for cutoff in np.atleast_1d(cutoffs).tolist():
+        i, j = np.nonzero((distance < cutoff) & (truth.step[:, None] == estimate.step[None]))
+        pairs = near_pairs(truth, estimate, cutoff, norm)
+        assert np.array_equal(pairs.truth_row, i)
+        assert np.array_equal(pairs.estimate_row, j)
+        assert np.array_equal(pairs.distance, distance[i, j])
+        assert pairs.truth_row.dtype == pairs.estimate_row.dtype == np.int32

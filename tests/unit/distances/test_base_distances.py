@@ -199,8 +199,7 @@ def test_near_pairs(name: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
         # Cutoffs at which a pair is exactly, and just within.
         edges = positive[[0, len(positive) // 20, -1]] if len(positive) else []
         cutoffs = {*edges, *np.nextafter(edges, np.inf), 0.5, 1.0}
-        for cutoff in sorted(cutoffs):
-            assert_as_by_brute_force(truth, estimate, float(cutoff), distance)
+        assert_as_by_brute_force(truth, estimate, sorted(cutoffs), distance)
 
 
 @pytest.mark.parametrize("kind", ["far", "outlier", "overflow", "tiny"])
