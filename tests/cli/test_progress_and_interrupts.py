@@ -230,8 +230,9 @@ from tgospa_eval.show import figure_tools as drawing
 waiting, update = [], progress.Display.update
 
 def updated(display):
+    named = [*waiting]  # a picture that begins meanwhile is not on the line yet
     update(display)
-    for shown in waiting:
+    for shown in named:
         shown.set()
 
 def when_shown(*_):
