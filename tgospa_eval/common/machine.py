@@ -1,6 +1,7 @@
 """What this machine has: extension modules that were built, cores, memory, threads."""
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -65,6 +66,16 @@ def machine_memory() -> int | None:
     with suppress(OSError, ValueError), open(CONTAINER, encoding="ascii") as file:
         found.append(int(file.read()))  # or max, which is no number
     return min(found, default=None)
+
+
+def release_freed() -> None:
+    """Give what was freed back to the system, where the C library and Arrow would keep it."""
+    import ctypes  # lazy: only data in parts need it
+
+    if "pyarrow" in sys.modules:
+        sys.modules["pyarrow"].default_memory_pool().release_unused()
+    with suppress(OSError, AttributeError, TypeError):  # of glibc alone
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def is_of_memory(error: BaseException | None) -> bool:

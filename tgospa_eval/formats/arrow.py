@@ -7,7 +7,6 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.headers import parse_columns
 from tgospa_eval.formats.loading import TABLE, check_memory, check_parquet, unreadable
 from tgospa_eval.formats.options import ReadOptions
@@ -47,6 +46,8 @@ def arrow_rows(
     InputError
         The content is damaged, or see `formats.read`. Rows count from 0.
     """
+    from tgospa_eval.formats.frames import frame_rows  # lazy: pandas takes 50 MB
+
     with readable(path, kind):
         names = list(schema.names)
     roles = find_roles(names, options, path)

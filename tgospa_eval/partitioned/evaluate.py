@@ -31,7 +31,7 @@ from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_
 from tgospa_eval.partitioned.scan import BlockPlan, Scanned, clock_of, find_steps, fitted
 from tgospa_eval.partitioned.shards import IGNORED_TRUTH
 from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
-from tgospa_eval.partitioned.tables import ROWS_AT_ONCE, write_tables
+from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
@@ -47,6 +47,9 @@ from tgospa_eval.tracks.trajectories import Trajectories
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
 takes a second. Of more it would take memory of this process as well."""
+
+ROWS_SUMMED = 1 << 18
+"""Assigned pairs that are added up at once."""
 
 ROUNDED = 1e-9
 """Share of states that are assigned, but for the rounding of weights."""
@@ -376,8 +379,8 @@ def tracking(found: Evaluated, horizon: int, switches: float) -> tuple[Json, Flo
     total, first, second, whole = 0.0, 0.0, 0.0, True
     for piece in found.assigned:
         rows = np.load(piece, mmap_mode="r")
-        for begin in range(0, len(rows), ROWS_AT_ONCE):
-            own = rows[begin : begin + ROWS_AT_ONCE]
+        for begin in range(0, len(rows), ROWS_SUMMED):
+            own = rows[begin : begin + ROWS_SUMMED]
             own = own[own["marks"] & IGNORED_TRUTH == 0]
             weight, error = own["weight"], cutoff * own["cost"] ** power
             total, whole = total + float(weight.sum()), whole and bool((weight == 1).all())

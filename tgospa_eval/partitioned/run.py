@@ -3,7 +3,6 @@
 Tracks of all blocks get global numbers, components, and with these a shard.
 """
 
-import itertools
 import json
 import math
 import os
@@ -22,6 +21,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.engines import PersistentPool
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import ROLES
 from tgospa_eval.partitioned.scan import BESIDE, READ, BlockPlan, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     IGNORED_TRUTH,
@@ -44,12 +44,12 @@ from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.text import option
 
 SHARD_ENTRIES = 1_000_000
-"""Entries of a shard of many components: some seconds of work in some 300 MB. Of the data alone,
+"""Entries of a shard of many components: some seconds of work in some 200 MB. Of the data alone,
 so that results do not depend on the machine."""
 
 
-FEW_PAIRS = 1 << 20
-"""Pairs of blocks wait until they are so many: each batch of them is a pass over all tracks."""
+FEW = 1 << 19
+"""Ids and pairs of blocks wait until they are so many: each batch is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,35 +62,31 @@ class Tracks:
         In the order in which reading one file numbers them.
     rows, judged : (k,) int arrays
         How many rows they have, and how many of these are judged.
-    numbers : tuple of int arrays
-        Of each block the numbers of its tracks.
+    numbers : list of Path
+        Of each block the file with the numbers of its tracks.
     """
 
     ids: NDArray[np.str_]
     rows: Ints
     judged: Ints
-    numbers: tuple[Ints, ...]
+    numbers: list[Path]
 
 
 def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
     """The tracks of a side over all blocks, in natural order of their ids."""
-    parts = [block.ids[side] for block in blocks]
-    ids, found = np.unique(np.concatenate(parts or [np.zeros(0, "U1")]), return_inverse=True)
+    role, ids = ROLES[side], np.zeros(0, "U1")
+    for some in in_batches((block.read(f"{role}_ids") for block in blocks), len, FEW):
+        ids = np.unique(np.concatenate([ids, *some]))
     order = _natural_order(ids)
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order), dtype=np.int32)
-    number = rank[found]
-    rows, unjudged = (
-        np.bincount(
-            number, np.concatenate(counts or [np.zeros(0, np.int64)]), minlength=len(ids)
-        ).astype(np.int64)
-        for counts in (
-            [block.rows[side] for block in blocks],
-            [block.unjudged_rows[side] for block in blocks],
-        )
-    )
-    ends = np.cumsum([0, *map(len, parts)]).tolist()
-    numbers = tuple(number[slice(*span)] for span in itertools.pairwise(ends))
+    rows, unjudged = np.zeros((2, len(ids)), np.int64)
+    numbers = [block.folder / f"{role}_numbers.npy" for block in blocks]
+    for block, path in zip(blocks, numbers, strict=True):
+        number = rank[np.searchsorted(ids, block.read(f"{role}_ids"))]
+        rows[number] += block.read(f"{role}_rows")
+        unjudged[number] += block.read(f"{role}_unjudged_rows")
+        np.save(path, number)
     return Tracks(ids=ids[order], rows=rows, judged=rows - unjudged, numbers=numbers)
 
 
@@ -126,7 +122,7 @@ def make_shards(
     by_truth = np.zeros(m, np.int64)
     once, often = 0, np.zeros(0, np.int64)
     near = _near_tracks(blocks, truths, estimates)
-    for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW_PAIRS):
+    for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
         # The root of a component is its least node, also of those made of components.
@@ -154,8 +150,8 @@ def make_shards(
 def _in_several(side: Tracks) -> Mask:
     """Which tracks are in more than one block: only pairs of these may be as well."""
     count = np.zeros(len(side.ids), np.int32)
-    for numbers in side.numbers:
-        count[numbers] += 1
+    for path in side.numbers:
+        count[np.load(path)] += 1
     return count > 1
 
 
@@ -163,8 +159,8 @@ def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
     """Truths, estimates and entries of the pairs of each block."""
-    for block, *numbers in zip(blocks, truths.numbers, estimates.numbers, strict=True):
-        pairs = block.pairs
+    for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
+        pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
 
 
@@ -600,12 +596,14 @@ def _shuffle(
     shards: int,
     stages: Stages,
 ) -> tuple[str, ...]:
+    if blocks:
+        np.save(work / SCANNED / "shard_of_truth.npy", of_truth)
     tasks: dict[str, Task] = {
         str(work / "sorted" / f"{k:08d}"): partial(
             sort_entries,
             scanned=str(block.folder),
-            numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
-            shard_of_truth=of_truth[tracks[0].numbers[k]],
+            numbers=[str(side.numbers[k]) for side in tracks],
+            shard_of_truth=str(work / SCANNED / "shard_of_truth.npy"),
             shards=shards,
         )
         for k, block in enumerate(blocks)
@@ -628,7 +626,7 @@ def _beside(
     assigned.clear()
     folder.mkdir(exist_ok=True)
     for k, block in enumerate(blocks):
-        found = looked_up(block, [side.numbers[k] for side in numbers], pieces)
+        found = looked_up(block, [np.load(side.numbers[k]) for side in numbers], pieces)
         assigned.append(folder / f"{k:08d}.npy")
         np.save(assigned[-1], found)
         yield found

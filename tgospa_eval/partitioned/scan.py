@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -256,12 +257,8 @@ class Scanned:
         Number of its first step.
     objects : pair of (L,) int arrays
         Truths and estimates at each step.
-    ids : pair of (k,) arrays of str
-        Tracks of either side that have a row.
-    rows : pair of (k,) int arrays
-        How many rows they have.
-    unjudged, unjudged_rows : pairs of (L,), (k,) int arrays
-        How many of these objects and rows are not judged.
+    unjudged : pair of (L,) int arrays
+        How many of these are not judged.
     near : int
         Pairs of tracks that come near each other.
     slack : float
@@ -278,10 +275,7 @@ class Scanned:
 
     first: int
     objects: tuple[Ints, Ints]
-    ids: tuple[NDArray[np.str_], NDArray[np.str_]]
-    rows: tuple[Ints, Ints]
     unjudged: tuple[Ints, Ints]
-    unjudged_rows: tuple[Ints, Ints]
     near: int
     slack: float
     blur: float
@@ -289,12 +283,16 @@ class Scanned:
     counting: tuple[int, ...]
     folder: Path
 
-    @property
-    def pairs(self) -> NDArray[np.void]:
-        """Tracks that come near each other, of PAIR: read anew each time, as they may be many."""
-        with np.load(self.folder / "block.npz") as found:
-            pairs: NDArray[np.void] = found["pairs"]
-            return pairs
+    def read(self, name: str) -> NDArray[Any]:
+        """An array that grows with the tracks, read anew each time.
+
+        They are ``"pairs"``, tracks that come near each other (PAIR); and of either role
+        ``"truth_ids"``, the tracks that have a row (k,), how many rows they have,
+        ``"truth_rows"``, and how many of these are not judged, ``"truth_unjudged_rows"``.
+        """
+        with np.load(self.folder / "block.npz") as arrays:
+            array: NDArray[Any] = arrays[name]
+            return array
 
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
@@ -302,7 +300,7 @@ class Scanned:
         with np.load(folder / "block.npz") as found:
             both = {
                 name: (found[f"truth_{name}"], found[f"estimate_{name}"])
-                for name in ("objects", "ids", "rows", "unjudged", "unjudged_rows")
+                for name in ("objects", "unjudged")
             }
             return cls(
                 **both,

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -99,7 +100,7 @@ def load_part(folder: Path, name: str, part: int | None = None) -> Table:
 
 
 def sort_entries(
-    output: str, *, scanned: str, numbers: tuple[Ints, Ints], shard_of_truth: Ints, shards: int
+    output: str, *, scanned: str, numbers: Sequence[str], shard_of_truth: str, shards: int
 ) -> None:
     """Write the entries of a block with global numbers, by shard and then by time.
 
@@ -109,18 +110,18 @@ def sort_entries(
         The folder that is written.
     scanned : str
         That of the block.
-    numbers : pair of int arrays
-        Global numbers of its truths and estimates.
-    shard_of_truth : (k,) int array
-        Shard of each of its truths.
+    numbers : pair of str
+        Files with the global numbers of its truths and estimates.
+    shard_of_truth : str
+        The file with the shard of each truth.
     shards : int
         How many there are.
     """
     entry = np.load(Path(scanned) / "entries.npy")
-    shard = shard_of_truth[entry["truth"]]
     # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
-    entry["truth"] = numbers[0][entry["truth"]]
-    entry["estimate"] = numbers[1][entry["estimate"]]
+    for name, path in zip(("truth", "estimate"), numbers, strict=True):
+        entry[name] = np.load(path)[entry[name]]
+    shard = np.load(shard_of_truth, mmap_mode="r")[entry["truth"]]
     with writing_folder(output) as folder:
         save_parts(folder, "entries", entry, shard, shards)
 

@@ -6,6 +6,7 @@ they get the units and names of the user.
 """
 
 import itertools
+import mmap
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -160,11 +161,26 @@ def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Ite
 
 
 def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
-    """Names as an Arrow array: texts as such, whatever made them."""
+    """Names as an Arrow array: texts as such, whatever made them.
+
+    Made of its buffers: `pyarrow.array` imports pandas, which takes 45 MB of each process.
+    """
     import pyarrow as pa
 
-    kind = None if names.dtype.kind in "iuf" else pa.string()
-    return pa.array(np.ascontiguousarray(names), kind, mask=absent)
+    kind, values = pa.string(), [np.ascontiguousarray(names)]
+    if names.dtype.kind in "iuf":
+        kind = pa.from_numpy_dtype(names.dtype)
+    else:
+        coded = np.char.encode(names.astype(np.str_), "utf-8")
+        length = np.char.str_len(coded)
+        letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
+        values = [
+            np.append(0, np.cumsum(length)).astype(np.int32),
+            letters[np.arange(coded.itemsize) < length[:, None]],
+        ]
+    known = None if absent is None else np.packbits(~absent, bitorder="little")
+    buffers = [None if each is None else pa.py_buffer(each) for each in (known, *values)]
+    return pa.Array.from_buffers(kind, len(names), buffers)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -173,7 +189,7 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
 ROWS_A_PART = 1 << 23
 """Rows of a file of assigned pairs, but for those of its last step."""
 
-ROWS_AT_ONCE = 1 << 18
+ROWS_AT_ONCE = 1 << 15
 """Rows that are brought into order at once, but for those of the last step of them."""
 
 ORDER = ("step", "truth", "estimate")
@@ -239,6 +255,9 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
+        for rows in opened:  # what was read of mapped files would count as memory
+            if hasattr(rows.base, "madvise"):
+                rows.base.madvise(mmap.MADV_DONTNEED)
 
 
 def _further(kind: np.dtype[Any]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from tgospa_eval.common.machine import release_freed
 from tgospa_eval.engines import PersistentPool, spread
 from tgospa_eval.errors import SolverError
 from tgospa_eval.text import option
@@ -29,6 +30,7 @@ def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
     output, task = job
     if not os.path.exists(output):
         task(output)
+        release_freed()
     return output, False
 
 

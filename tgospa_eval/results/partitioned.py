@@ -104,13 +104,14 @@ class StoredTables:
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
-                columns = [np.asarray(batch[name], float) for name in parts]
+                columns = [_doubles(batch[name]) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
                 # A later row replaces a known one only if it costs more than the cheapest of these.
                 least = best[-1][0] if best and len(best) == count else 0.0
                 dear = np.flatnonzero(cost > least)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
-                best += zip(cost[dear].tolist(), batch.take(dear).to_pylist(), strict=True)
+                rows = [batch.slice(row, 1).to_pylist()[0] for row in dear.tolist()]
+                best += zip(cost[dear].tolist(), rows, strict=True)
                 best = sorted(best, key=lambda entry: -entry[0])[:count]
         return [row for _, row in best]
 
@@ -137,6 +138,12 @@ class StoredTables:
         finally:
             for file in files:
                 file.close()
+
+
+def _doubles(column: "pa.DoubleArray") -> Floats:
+    """A column in which none is missing; `numpy.asarray` and `take` would import pandas."""
+    values: Floats = np.frombuffer(column.buffers()[1], np.float64)
+    return values[column.offset : column.offset + len(column)]
 
 
 def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":

@@ -54,6 +54,8 @@ def evaluate_parts(
     TgospaError
         Something is wrong with options or data.
     """
+    # The allocators of Arrow keep 20 MB more of each process; workers inherit it.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     resolved = resolve_request(options)
     if output.output is not None:
         probed_folder(options, output, TABLE_FILES)
