@@ -171,7 +171,7 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     if names.dtype.kind in "iuf":
         kind = pa.from_numpy_dtype(names.dtype)
     else:
-        coded = np.char.encode(names.astype(np.str_), "utf-8")
+        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)  # also of none
         length = np.char.str_len(coded)
         letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
         values = [
