@@ -123,18 +123,12 @@ def test_sides_in_every_form_are_the_same_runs() -> None:
     assert "3 pairs, 3 proven exact" in str(one)
 
 
-def test_processes_give_the_same_table() -> None:
+def test_processes_give_the_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     pairs = [tuple(rng.normal(size=(2, 40, 5, 2))) for _ in range(120)]
-    import tgospa_eval.api.evaluate_many as module
-
     here = evaluate_many(pairs, cutoff=2.0, jobs=1)
-    before, module.PATIENCE = module.PATIENCE, 0.0
-    try:
-        there = evaluate_many(pairs, cutoff=2.0, jobs=2)
-    finally:
-        module.PATIENCE = before
-    assert here.rows == there.rows
+    monkeypatch.setattr("tgospa_eval.api.evaluate_many.PATIENCE", 0.0)
+    assert evaluate_many(pairs, cutoff=2.0, jobs=2).rows == here.rows
 
 
 def test_errors_name_the_run() -> None:

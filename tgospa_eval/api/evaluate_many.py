@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.api.batch_row import PATIENCE
 from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
@@ -48,9 +49,6 @@ FEW = 3
 SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_states")
 """Columns with the steps of both sides, those of the value per step, the states of either side."""
 
-PATIENCE = 2.0
-"""Seconds of work before processes are started, which takes about as long."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluations:
@@ -66,6 +64,10 @@ class Evaluations:
         Numbers of each, by column.
     warnings : tuple of Notice
         What looks wrong, each text once, with the runs that it is said of.
+    pairs : tuple of pairs
+        Truth and estimate of each, as they were given.
+    resolved, mapping : ResolvedRequest, sequence
+        How they are read and evaluated.
     """
 
     runs: tuple[str, ...]

@@ -35,7 +35,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     step_costs,
 )
 from tgospa_eval.evaluation.diagnosis.states import FITTED, SOME
-from tgospa_eval.evaluation.prepare import AlignedPair
+from tgospa_eval.evaluation.prepare import AlignedPair, NearPairs
 from tgospa_eval.evaluation.prove import LARGE
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import kernels
@@ -46,7 +46,6 @@ from tgospa_eval.problem.certificate import (
     lower_cost,
     upper_cost,
 )
-from tgospa_eval.problem.metric_family import tgospa_problem
 from tgospa_eval.problem.paths import lower_sums
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.solution import Bounds
@@ -127,21 +126,7 @@ class JoinedPairs:
         effort = Resources(jobs=1)
         seen, distance = self.distance.prepared(self.sides, effort)
         near = prepared_pairs(seen, self.parameters.cutoff, distance, effort)
-        truth, estimate = seen
-        problem = tgospa_problem(
-            parameters=self.parameters,
-            steps=len(truth.times),
-            truths=len(truth.ids),
-            estimates=len(estimate.ids),
-            truth_step=truth.step,
-            truth_track=truth.track,
-            estimate_step=estimate.step,
-            estimate_track=estimate.track,
-            truth_row=near.truth_row,
-            estimate_row=near.estimate_row,
-            distance=near.distance,
-            distance_error=distance.error(truth.state.shape[1]),
-        )
+        problem = NearPairs(sides=seen, distance=distance, pairs=near).problem(self.parameters)
         states = merge_runs(problem)
         parts = np.arange(len(self.steps))
         of_pair = np.searchsorted(self.tracks[0], states.pair_truth, side="right") - 1
