@@ -53,6 +53,15 @@ class ConfigError(TgospaError, ValueError):
     exit_status = ExitStatus.WRONG_OPTION
 
 
+class MemoryTooSmallError(ConfigError):
+    """The memory that is allowed is too small; work with another amount begins anew."""
+
+    @property
+    def reason(self) -> str:
+        """What takes how much, without what to do."""
+        return str(self).partition("; ")[0]
+
+
 def real_number(name: str, value: object) -> float:
     """The value as a float.
 

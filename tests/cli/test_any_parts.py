@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval import Trajectories
-from tgospa_eval.partitioned import run
+from tgospa_eval.evaluation import memory
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -94,8 +94,8 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
             shutil.move(work / "whole" / "part=0" / "rows.parquet", file)
         whole = invoke(*single, *asked)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(run, "MOST_ROWS", case["rows of a block"])
-            patch.setattr(run, "SHARD_ENTRIES", case["entries of a shard"])
+            patch.setattr(memory, "MAX_ROWS", case["rows of a block"])
+            patch.setattr(memory, "SHARD_ENTRIES", case["entries of a shard"])
             parts = invoke(*paths, *asked)
     finally:
         shutil.rmtree(work)

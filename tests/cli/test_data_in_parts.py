@@ -28,6 +28,7 @@ from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.evaluate.partitioned import work_folder
 from tgospa_eval.cli.shared.click_builder import OutputOptions, Size
+from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -58,7 +59,7 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
     folders = str(recording / "truth"), str(recording / "estimate")
     assert invoke(*files, *METRIC, "-o", str(one), "--pictures", "none").status == 0
-    answer = invoke(*folders, *METRIC, "-o", str(one), "--memory", "200MB", "--pictures", "png")
+    answer = invoke(*folders, *METRIC, "-o", str(one), "--memory", "400MB", "--pictures", "png")
     assert (answer.status, answer.out[:9]) == (0, "TGOSPA = ")
     assert "truth is a folder of tables: it is read in parts" in answer.err
     assert "wrote 8 files and 2 pictures" in answer.err
@@ -82,9 +83,9 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert [row["t"] for row in csv.DictReader(answer.out.splitlines())] == [
         str(step["t"]) for step in plain["per_step"]
     ]
-    result = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=1)
+    result = evaluate(*folders, 100, 2, 50, memory="400MB", jobs=1)
     assert (result.total, result.lower_bound) == (document["total"], document["lower_bound"])
-    again = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=2)
+    again = evaluate(*folders, 100, 2, 50, memory="400MB", jobs=2)
     assert numbers(again.to_dict()) == numbers(result.to_dict())
     del again
     assert result.to_json()
@@ -121,7 +122,7 @@ def test_what_is_left_out_does_not_depend_on_blocks(
     sides = str(tmp_path / "truth"), str(tmp_path / "estimate")
     found = []
     for rows in (1, 10, 10**6):
-        monkeypatch.setattr(run, "MOST_ROWS", rows)
+        monkeypatch.setattr(memory, "MAX_ROWS", rows)
         found.append(json.loads(invoke(*sides, *asked, "--jobs", "1").out))
     files = [f"{side}/part.parquet" for side in sides]
     whole = json.loads(invoke(*files, *asked).out)
@@ -145,7 +146,7 @@ def test_compressed_texts_in_any_order_with_times_that_are_texts(
     for k in range(4):
         table[k::4][::-1].to_csv(tmp_path / "truth" / f"{k}.csv.gz", index=False)
     folder, file = str(tmp_path / "truth"), str(tmp_path / "truth.csv")
-    answer = invoke(folder, file, *METRIC, "--memory", "200MB", "-o", str(tmp_path / "out"))
+    answer = invoke(folder, file, *METRIC, "--memory", "400MB", "-o", str(tmp_path / "out"))
     assert "TGOSPA = 0, exact" in answer.out
     assert "truth is a folder, and --memory is given: it is read in parts" in answer.err
     shown = pq.read_table(tmp_path / "out" / "per_step.parquet")["t"].to_pylist()
@@ -177,7 +178,7 @@ def drifting(tmp_path: Path) -> Callable[[bool], tuple[tuple[str, str], tuple[st
     return written
 
 
-SHIPS = ("-c", "300", "-g", "100", "--distance", "haversine", "--jobs", "1", "--memory", "200MB")
+SHIPS = ("-c", "300", "-g", "100", "--distance", "haversine", "--jobs", "1", "--memory", "400MB")
 
 
 @pytest.mark.parametrize(
@@ -196,7 +197,7 @@ def test_steps_that_are_declared_are_those_of_one_file(
     options: tuple[str, ...],
 ) -> None:
     files, folders = drifting(iso)
-    monkeypatch.setattr(run, "MOST_ROWS", rows)
+    monkeypatch.setattr(memory, "MAX_ROWS", rows)
     plain = invoke(*files, *SHIPS[:-2], *options, "--format", "json")
     parts = invoke(*folders, *SHIPS, *options, "--format", "json")
     one, other = json.loads(plain.out), json.loads(parts.out)
@@ -232,9 +233,11 @@ def test_reading_that_was_broken_off_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     _, folders = drifting(False)
-    options = Request(cutoff=300.0, distance="haversine", steps="0:50:0.5", jobs=1, memory=10**8)
+    options = Request(
+        cutoff=300.0, distance="haversine", steps="0:50:0.5", jobs=1, memory=4 * 10**8
+    )
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(run, "MOST_ROWS", 40)
+    monkeypatch.setattr(memory, "MAX_ROWS", 40)
     work = run.scan
     done: list[str] = []
 
@@ -326,7 +329,7 @@ def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
 def test_classes_that_are_at_other_times_are_there(
     invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "MOST_ROWS", 4)
+    monkeypatch.setattr(memory, "MAX_ROWS", 4)
     for name in ("truth", "estimate"):
         rows = [f"{k},{t},{k}0,0,{'car' if t < 3 else 'van'}\n" for t in range(6) for k in "12"]
         (tmp_path / name).mkdir()
@@ -372,12 +375,15 @@ def test_which_folders_and_files_are_read_in_parts(
     options = Request(memory=10**9)
     truth, estimate = (str(recording / f"{name}.parquet") for name in ("truth", "estimate"))
     assert in_parts.parts_in_words((truth, estimate), options) is None
-    monkeypatch.setattr(in_parts, "FITS_ANYWHERE", 0)
     why = in_parts.parts_in_words((truth, estimate), Request(memory=1000))
     assert why is not None
-    assert why.startswith(f"{truth} takes some ")
+    assert why.startswith(f"{truth} and {estimate} take some 180MB in memory, more than ")
     allowed = Request(memory=1000, max_input=1.0)
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
+    text = str(tmp_path / "gt.txt")
+    Path(text).write_text("1,1,0,0,1,1,1,-1,-1,-1\n")
+    with pytest.raises(ConfigError, match=r'only CSV and Parquet .*: allow memory="180MB"'):
+        in_parts.parts_in_words((text, estimate), Request(memory=1000))
 
     def folder(name: str, *tables: str) -> str:
         (tmp_path / name).mkdir()
@@ -515,7 +521,7 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     if change == "in place, unseen":
         for user in (partitioned, sides):
             monkeypatch.setattr(user, "state_of", lambda s: (s.st_size, s.st_mtime_ns))
-    asked = ("truth", "estimate", *METRIC, "--memory", "200MB", "--format", "json")
+    asked = ("truth", "estimate", *METRIC, "--memory", "400MB", "--format", "json")
 
     def killed(output: str, **more: Any) -> None:
         raise SolverError("a process died")
@@ -611,17 +617,64 @@ def test_a_component_that_does_not_fit_is_refused_with_the_memory_that_it_takes(
     invoke: Invoke, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What the message proposes works, in the same folder."""
-    monkeypatch.setattr(run, "SHARD_ENTRIES", 10)
-    monkeypatch.setattr(run, "BYTES_AN_ENTRY", 10**6)
+    monkeypatch.setattr(memory, "SHARD_ENTRIES", 10)
+    monkeypatch.setattr(memory, "BYTES_AN_ENTRY", 10**6)
     folders = str(recording / "truth"), str(recording / "estimate")
     asked = (*folders, *METRIC, "-o", str(tmp_path / "out"), "-q")
-    answer = invoke(*asked, "--memory", "100MB")
+    answer = invoke(*asked, "--memory", "400MB")
     assert answer.status == 2
     proposed = re.search(r"allow (--memory \S+) with (--jobs 1), ", answer.err)
     assert proposed
     assert "\n" not in answer.err.strip()
     again = invoke(*asked, *" ".join(proposed.groups()).split())
     assert again.status == 0, again.err
+
+
+def test_a_limit_below_what_is_needed_is_refused_with_what_works(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
+    folders = str(recording / "truth"), str(recording / "estimate")
+    for asked in (METRIC, (*METRIC, "-o", str(tmp_path / "out"), "--jobs", "2")):
+        answer = invoke(*folders, *asked, "--memory", "100MB", "-q")
+        assert (answer.status, answer.out) == (2, "")
+        proposed = re.fullmatch(r"data in parts .* at least: allow (--memory \d+MB)\n", answer.err)
+        assert proposed
+        assert not (tmp_path / "out" / "work").exists()
+        assert invoke(*folders, *asked, *proposed[1].split(), "-q").status == 0
+
+
+def test_files_whose_near_pairs_take_more_are_read_in_parts(
+    invoke: Invoke, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
+    asked = (*METRIC, "--memory", "400MB", "--format", "json")
+    plain = json.loads(invoke(*files, *asked).out)
+    monkeypatch.setattr(memory, "BYTES_COMPARED", (40, 10**6))
+    answer = invoke(*files, *asked)
+    assert re.search(r"[\d,]+ near pairs of objects take some .* more than --memory", answer.err)
+    assert "it is read in parts" in answer.err
+    document = json.loads(answer.out)
+    assert document["total"] == pytest.approx(plain["total"], rel=1e-12)
+    result = evaluate(*files, 100, 2, 50, memory="400MB")
+    assert result.total == document["total"]
+    sides = [pq.read_table(file).to_pandas() for file in files]
+    with pytest.raises(ConfigError, match="near pairs of objects take some"):
+        evaluate(*sides, 100, 2, 50, memory="400MB")
+
+
+@pytest.mark.parametrize("format", ["csv", "parquet"])
+@pytest.mark.parametrize("drawn", [False, True])
+def test_shares_add_up_to_the_limit(format: str, drawn: bool) -> None:
+    jobs = []
+    for limit in range(250 * memory.MB, 4000 * memory.MB, 50 * memory.MB):
+        share = memory.Share.of(limit, 4, [format], drawn=drawn, cluster=False)
+        others = 0 if share.jobs == 1 else memory.base("worker", [format])
+        helpers = memory.HELPERS if share.jobs > 1 else 0
+        taken = memory.base("main", [format]) + helpers + share.jobs * (others + share.data)
+        assert limit - share.jobs < taken <= limit
+        jobs.append(share.jobs)
+    assert jobs == sorted(jobs)
+    assert {jobs[0], jobs[-1]} == {1, 4}
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from cluster import Running
 
+from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -27,7 +28,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),  # of Dask, when a worker is killed
 ]
 
-OPTIONS = ("truth", "estimate", "-c", "50", "-g", "25", "--memory", "200MB", "-q")
+OPTIONS = ("truth", "estimate", "-c", "50", "-g", "25", "--memory", "400MB", "-q")
 
 
 def write(folder: Path) -> None:
@@ -60,7 +61,7 @@ def test_same_bytes_in_a_folder_named_from_here_while_a_worker_is_killed(
     invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, running: Running
 ) -> None:
     write(tmp_path)
-    monkeypatch.setattr(run, "MOST_ROWS", 60)  # several blocks
+    monkeypatch.setattr(memory, "MAX_ROWS", 60)  # several blocks
     assert invoke(*OPTIONS, "--jobs", "1", "-o", "here").status == 0
     number_tracks = run.number_tracks
     pids = running.workers()[:1]

@@ -13,7 +13,7 @@ import pytest
 from partitioned import without_summary
 
 from tgospa_eval import ConfigError, TgospaWarning, Trajectories, compare, evaluate
-from tgospa_eval.partitioned import run
+from tgospa_eval.evaluation import memory
 from tgospa_eval.results.consistency import NeesSums, band
 
 Invoke = Callable[..., Any]
@@ -56,10 +56,10 @@ def test_data_in_parts_have_the_numbers_of_files_in_memory(
         Path(side).mkdir()
         for k, part in pd.read_csv(f"{side}.csv").groupby(lambda row: row % 3):
             part.to_parquet(f"{side}/{k}.parquet")
-    monkeypatch.setattr(run, "MOST_ROWS", rows)
-    monkeypatch.setattr(run, "SHARD_ENTRIES", entries)
+    monkeypatch.setattr(memory, "MAX_ROWS", rows)
+    monkeypatch.setattr(memory, "SHARD_ENTRIES", entries)
     assert invoke("truth.csv", "kf.csv", *METRIC, *asked, "-o", "one").status == 0
-    answer = invoke("truth", "kf", *METRIC, *asked, "--memory", "200MB", "-o", "many")
+    answer = invoke("truth", "kf", *METRIC, *asked, "--memory", "400MB", "-o", "many")
     assert answer.status == 0, answer.err
     one, many = (json.loads(Path(name, "result.json").read_text()) for name in ("one", "many"))
     both = [document["nees"] for document in (one, many)]

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from partitioned import without_summary
 
 from tgospa_eval import SolverError
+from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -61,8 +62,8 @@ def write(sides: tuple[pd.DataFrame, pd.DataFrame], folder: Path, parts: int = 3
 @contextmanager
 def small(rows: int, shard: int) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "MOST_ROWS", rows)
-        patch.setattr(run, "SHARD_ENTRIES", shard)
+        patch.setattr(memory, "MAX_ROWS", rows)
+        patch.setattr(memory, "SHARD_ENTRIES", shard)
         yield
 
 
@@ -76,7 +77,7 @@ def both(
     assert whole.status == 0, whole.err
     out = folder / "-".join(map(str, sizes))
     with small(*sizes):
-        given_parts = (*parts, *METRIC, *asked, "--memory", "100MB", "-o", str(out))
+        given_parts = (*parts, *METRIC, *asked, "--memory", "400MB", "-o", str(out))
         answer = invoke(*given_parts, "--pictures", "none")
     assert answer.status == 0, answer.err
     one, other = (json.loads((at / "result.json").read_text()) for at in (folder / "whole", out))
@@ -167,7 +168,7 @@ def test_what_cannot_be_compared_alike_is_refused(invoke: Invoke, tmp_path: Path
     write((truth, estimate), tmp_path)
     folders = str(tmp_path / "truth"), str(tmp_path / "estimate")
     with small(30, 25):
-        answer = invoke(*folders, *METRIC, "--memory", "100MB", "--ignore", "kind=far")
+        answer = invoke(*folders, *METRIC, "--memory", "400MB", "--ignore", "kind=far")
     assert answer.status == 3
     assert 'truth, column "kind": some parts have numbers alone and some have texts' in answer.err
     assert len(answer.err.splitlines()) == 1
@@ -190,9 +191,9 @@ def test_faults_and_rules_that_fit_nothing_are_told_as_of_one_file(
         ("--ignore", "marked-estimates"),
     ):
         one, other = (
-            invoke(*pair, *METRIC[:-1], *asked, "--memory", "100MB", "--max-input", "0")
+            invoke(*pair, *METRIC[:-1], *asked, "--memory", "400MB", "--max-input", "0")
             if pair[0].endswith(".csv")
-            else invoke(*pair, *METRIC[:-1], *asked, "--memory", "100MB")
+            else invoke(*pair, *METRIC[:-1], *asked, "--memory", "400MB")
             for pair in sides
         )
         assert one.status == other.status
@@ -208,7 +209,7 @@ def test_other_regions_under_the_same_name_are_another_evaluation(
     regions = tmp_path / "regions.csv"
     regions.write_text(REGIONS, encoding="utf-8")
     folders = str(tmp_path / "truth"), str(tmp_path / "estimate")
-    asked = (*METRIC, "--memory", "100MB", "--ignore-regions", str(regions))
+    asked = (*METRIC, "--memory", "400MB", "--ignore-regions", str(regions))
     asked = (*asked, "-o", str(tmp_path / "out"))
 
     def broken_off(*args: object, **more: object) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from tgospa_eval.api.in_parts import in_parts_if_large
+from tgospa_eval.api.in_parts import can_be_divided, in_parts_if_large
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import pair_notices
 from tgospa_eval.api.reading import align_sides, called, read_pair
@@ -14,6 +14,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural, parsed_size
 from tgospa_eval.distances import Resources
+from tgospa_eval.errors import MemoryTooSmallError
 from tgospa_eval.evaluation.pair import add_up
 from tgospa_eval.evaluation.prepare import AlignedPair, fit, prepare
 from tgospa_eval.evaluation.prove import nested_timings, prove
@@ -101,8 +102,15 @@ def evaluate(
     result: Result | ByClass | ResultInParts | None
     result = in_parts_if_large(truth, estimate, request, resolved, stopwatch)
     if result is None:
-        pair = read_sides(resolved, truth, estimate, stopwatch, mapping=mapping)
-        result = evaluate_sides(resolved, pair, stopwatch)
+        try:
+            pair = read_sides(resolved, truth, estimate, stopwatch, mapping=mapping)
+            result = evaluate_sides(resolved, pair, stopwatch)
+        except MemoryTooSmallError as error:
+            if not can_be_divided((truth, estimate)):
+                raise
+            why = error.reason
+            result = in_parts_if_large(truth, estimate, request, resolved, stopwatch, why)
+            assert result is not None
     warn_user(result.warnings)
     return cast("Result", result)
 

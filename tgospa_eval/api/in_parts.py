@@ -25,11 +25,11 @@ from tgospa_eval.common.frozen import recast
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import as_distance
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import ConfigError, InputError, MemoryTooSmallError
+from tgospa_eval.evaluation.memory import Share, bytes_in_memory, format_of, size_text
 from tgospa_eval.formats.fields import floats, parse_times
 from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
-from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.text import option
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
-"""Bytes of files that fit anywhere."""
+"""Bytes of files that fit anywhere, unless a limit is given."""
 
-COLUMNS_READ = 6
-"""Columns of a Parquet file that are read, about."""
+IN_PARTS = ("csv", "parquet")
+"""Formats of files that can be read in parts."""
 
 TIP = 1 << 16
 """Bytes at the begin and the end of a file that tell its header and times."""
@@ -61,8 +61,16 @@ def memory_of(asked: int | None) -> int | None:
     return None if whole is None else whole // 2
 
 
-def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
-    """Why these two are read in parts, for messages; None if they are read at once."""
+def parts_in_words(paths: tuple[str, str], options: Request, *, drawn: bool = False) -> str | None:
+    """Why these two are read in parts, for messages; None if they are read at once.
+
+    `drawn` says that pictures are made.
+
+    Raises
+    ------
+    MemoryTooSmallError
+        They take more than the limit, and are of a format that is read at once.
+    """
     folders = [path for path in paths if os.path.isdir(path)]
     if folders:
         texts = options.columns, options.truth_columns, options.estimate_columns
@@ -74,15 +82,31 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
         return f"{folders[0]} is a folder, and {option('memory')} is given" if said else None
     if options.max_input is not None:  # which allows to read it at once
         return None
-    for path in paths:
-        needed = _needed(path)
-        memory = memory_of(options.memory) if needed else None
-        if memory is not None and needed > memory:
-            return (
-                f"{path} takes some {needed / 1e9:.3g} GB to read, and the memory for it is "
-                f"{memory / 1e9:.3g} GB ({option('memory')})"
-            )
-    return None
+    files = [path for path in paths if path != STDIN and os.path.isfile(path)]
+    small = sum(map(os.path.getsize, files)) < FITS_ANYWHERE
+    if not files or (small and options.memory is None):
+        return None
+    limit = memory_of(options.memory)
+    needed = bytes_in_memory(files, drawn=drawn)
+    if limit is None or needed <= limit:
+        return None
+    size, given = size_text(needed), option("memory", size_text(limit))
+    if can_be_divided(paths):
+        return f"{' and '.join(paths)} take some {size} in memory, more than {given} allows"
+    if options.memory is None:
+        return None  # whoever reads them sees what there is
+    raise MemoryTooSmallError(
+        f"{' and '.join(paths)} take some {size} in memory, more than {given} allows; only CSV and "
+        f"Parquet files are read in parts: allow {option('memory', size)}"
+    )
+
+
+def can_be_divided(sides: tuple[object, object]) -> bool:
+    """Return whether both are files of a format that can be read in parts."""
+    return all(
+        is_path(side) and os.path.isfile(side) and format_of(os.fspath(side)) in IN_PARTS
+        for side in sides
+    )
 
 
 def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = ()) -> None:
@@ -134,6 +158,7 @@ def evaluate_in_parts(
     stopwatch: Stopwatch,
     *,
     kept: bool,
+    drawn: bool = False,
 ) -> "PartitionedResult":
     """Evaluate data in parts.
 
@@ -149,6 +174,8 @@ def evaluate_in_parts(
         Running clock.
     kept : bool
         Whether the folder outlives the run: only then is there a table of assigned pairs.
+    drawn : bool
+        Whether pictures are made of the result.
 
     Raises
     ------
@@ -157,17 +184,23 @@ def evaluate_in_parts(
     """
     from tgospa_eval.engines import engine_of  # lazy: few need it
     from tgospa_eval.partitioned.evaluate import evaluate_partitioned
+    from tgospa_eval.partitioned.files import files_of
 
-    jobs = jobs_of(options)
-    spread = bool(options.scheduler) or jobs > 1
+    cluster = options.scheduler is not None
+    share = Share.of(
+        memory_of(options.memory) or UNKNOWN_MEMORY,
+        jobs_of(options),
+        [files_of(path)[0] for path in paths],
+        drawn=drawn,
+        cluster=cluster,
+    )
     result = evaluate_partitioned(
         paths,
         resolved.each,
         resolved.request,
         work=work,
-        memory=memory_of(options.memory) or UNKNOWN_MEMORY,
-        jobs=jobs,
-        engine=engine_of(options.scheduler, jobs) if spread else None,
+        share=share,
+        engine=engine_of(options.scheduler, share.jobs) if cluster or share.jobs > 1 else None,
         kept=kept,
         stopwatch=stopwatch,
         check=partial(check_sides, resolved),
@@ -181,20 +214,20 @@ def in_parts_if_large(
     options: Request,
     resolved: ResolvedRequest,
     stopwatch: Stopwatch,
+    why: str | None = None,
 ) -> ResultInParts | None:
     """The evaluation of folders of tables, and of files that would not fit; None of other sides.
 
-    The folder of its tables goes with the result.
+    The folder of its tables goes with the result. `why` says that files do not fit.
 
     Raises
     ------
     ConfigError
         An option is not for such data, or for such alone.
     """
-    why = None
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)
-        why = parts_in_words(paths, options)
+        why = why or parts_in_words(paths, options)
     if why is None:
         if options.scheduler is not None:
             raise ConfigError("scheduler is for data in parts: folders of tables")
@@ -279,24 +312,3 @@ def _header_and_span(
     times = parse_times(texts, lambda texts: floats(texts, "."))
     low, high = sorted(times.value.tolist())
     return header, ((times.clock, low), (times.clock, high))
-
-
-def _needed(path: str) -> float:
-    """Bytes that reading a file takes, where that is easily seen; 0 of what has no parts."""
-    if path == STDIN or not os.path.isfile(path):
-        return 0.0
-    size = os.path.getsize(path)
-    if size < FITS_ANYWHERE:
-        return 0.0
-    format = ENDINGS.get(os.path.splitext(path.lower())[1])
-    if format == "csv":
-        return float(TEXT * size)
-    if format != "parquet":
-        return 0.0
-    try:
-        import pyarrow.parquet as pq  # lazy: for large files only
-
-        metadata = pq.read_metadata(path)
-    except (ModuleNotFoundError, OSError, ValueError):
-        return 0.0  # who reads it says what is wrong
-    return float(TABLE * 8 * metadata.num_rows * min(metadata.num_columns, COLUMNS_READ))

@@ -205,6 +205,7 @@ def _resolved(options: Request) -> ResolvedRequest:
             step_weights=as_step_weights(options.step_weights, options.decimal),
             existence=options.existence,
             ignoring=ignoring,
+            memory=None if options.max_input is not None else options.memory,
         ),
         measure=measure,
         formats=(options.truth_format, options.estimate_format),

@@ -16,6 +16,7 @@ from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
+from tgospa_eval.evaluation.memory import check_pairs
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import (
     Parameters,
@@ -354,6 +355,9 @@ def measure(
         effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
         near = NearPairs.of(aligned, request, distance, cutoff, effort)
         truth, estimate = near.sides
+        if request.memory is not None:
+            rows = len(truth.step) + len(estimate.step)
+            check_pairs(rows, len(near.pairs.distance), request.memory)
     weights = None
     if request.step_weights is not None:
         weights = check_weights(*request.step_weights.on(truth))

@@ -204,6 +204,8 @@ class EvaluationRequest:
     conversion : Conversion
         From the estimate's own stamps and states to those that are compared; frames of coordinates
         aside.
+    memory : int, optional
+        Bytes that the whole process may take until the problem is solved.
 
     Raises
     ------
@@ -228,6 +230,7 @@ class EvaluationRequest:
     existence: str = "ignore"
     ignoring: "Ignoring | None" = None
     conversion: Conversion = field(default_factory=Conversion)
+    memory: int | None = None
 
     def __post_init__(self) -> None:
         if self.existence not in ("ignore", "use"):

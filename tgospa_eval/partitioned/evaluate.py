@@ -19,6 +19,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.ignoring import Ignoring
+from tgospa_eval.evaluation.memory import Share
 from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
 from tgospa_eval.evaluation.prove import make_result, nested_timings
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -27,7 +28,7 @@ from tgospa_eval.formats.headers import ask
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
 from tgospa_eval.partitioned.files import changed_file, files_of, stored
-from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
+from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, scan_parts
 from tgospa_eval.partitioned.scan import BlockPlan, Scanned, clock_of, find_steps, fitted
 from tgospa_eval.partitioned.shards import IGNORED_TRUTH
 from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
@@ -122,8 +123,7 @@ def evaluate_partitioned(
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
     *,
     work: Path,
-    memory: int,
-    jobs: int = 1,
+    share: Share,
     engine: Engine | None = None,
     kept: bool = True,
     stopwatch: Stopwatch,
@@ -142,12 +142,10 @@ def evaluate_partitioned(
     work : Path
         Folder for what is known on the way, and for the tables of the result; the same evaluation
         goes on from what is there.
-    memory : int
-        Bytes, for all processes together.
-    jobs : int
-        How many processes share them.
+    share : Share
+        Processes, and memory of each.
     engine : Engine, optional
-        Where they are; one job is done in this process.
+        Where they are; without one this process does the work.
     kept : bool
         Whether the folder outlives the run. Else there is no table of assigned pairs, which is as
         long as the data.
@@ -162,13 +160,13 @@ def evaluate_partitioned(
     TgospaError
         Something is wrong with the data, or asked for that needs them all at once.
     """
+    rows = share.rows
     files = [found for path in paths for found in stored(path)]
-    most = rows_together(memory // jobs)
     pool: AbstractContextManager[PersistentPool | None] = nullcontext()
     if engine is not None:
         small = sum(found.st_size for _, found in files) < SMALL_DATA
         here = isinstance(engine, Processes) and small
-        pool = PersistentPool(engine, jobs, BEFORE_WORKERS if here else 0.0)
+        pool = PersistentPool(engine, share.jobs, BEFORE_WORKERS if here else 0.0)
     with pool as workers:
         run = partial(run_tasks, engine=workers)
         with stopwatch.span("read"):
@@ -179,7 +177,7 @@ def evaluate_partitioned(
             for text in texts:
                 stopwatch.notify(text)
             truth, estimate = (
-                open_side(path, options, role, work=work / "sides", rows_together=most, run=run)
+                open_side(path, options, role, work=work / "sides", rows_together=rows, run=run)
                 for path, options, role in zip(paths, reading, ROLES, strict=True)
             )
             sides = truth, estimate
@@ -197,14 +195,14 @@ def evaluate_partitioned(
             if not notice.code:
                 stopwatch.notify(str(notice))
         stages = Stages(stopwatch, workers)
-        read, blocks = scan_parts(cut, work, memory // jobs, stages)
+        read, blocks = scan_parts(cut, work, share, stages)
         known = tuple(
             SideSummary.of(side, [block[number] for block in read])
             for number, side in enumerate(sides)
         )
         if check is not None:
             check(known, paths)
-        found = evaluate_parts(cut, blocks, work, memory // jobs, stages)
+        found = evaluate_parts(cut, blocks, work, share, stages)
         with stopwatch.span("report"):
             result = _result(
                 known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept

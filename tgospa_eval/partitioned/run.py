@@ -19,7 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural
 from tgospa_eval.engines import PersistentPool
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.memory import Share
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES
 from tgospa_eval.partitioned.scan import BESIDE, READ, BlockPlan, Scanned, constants, scan
@@ -41,12 +41,6 @@ from tgospa_eval.problem.states import connected_components
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.text import option
-
-SHARD_ENTRIES = 1_000_000
-"""Entries of a shard of many components: some seconds of work in some 200 MB. Of the data alone,
-so that results do not depend on the machine."""
-
 
 FEW = 1 << 19
 """Ids and pairs of blocks wait until they are so many: each batch is a pass over all tracks."""
@@ -103,9 +97,9 @@ def _natural_order(ids: NDArray[np.str_]) -> Ints:
 
 
 def make_shards(
-    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks, size: int
 ) -> tuple[Ints, Ints, dict[str, int]]:
-    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`.
+    """Put components, in the order of their first truths, into shards of some `size` entries.
 
     Returns
     -------
@@ -134,7 +128,7 @@ def make_shards(
     paired = np.flatnonzero(by_truth)
     _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
     entries = np.bincount(component, by_truth[paired]).astype(np.int64)
-    group = (np.cumsum(entries) - entries) // SHARD_ENTRIES
+    group = (np.cumsum(entries) - entries) // size
     _, shard = np.unique(group, return_inverse=True)
     of_truth = np.full(m, -1, np.int32)
     of_truth[paired] = shard.astype(np.int32)[component]
@@ -390,18 +384,11 @@ def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: floa
     return PerTrack(**found)
 
 
-BYTES_A_ROW, BYTES_AN_ENTRY, BYTES_OF_MARKS = 600, 300, 100
-"""Memory that a worker needs for each row of a block, for each entry of a shard, and for each more
-where some are not judged: measured."""
-
 SCANNED = "scan"
 """In the folder of work, that of the blocks that were read."""
 
 HEAVY = 50_000
 """Work of a task, in entries, for which workers are begun at once where there are more tasks."""
-
-MOST_ROWS = 4_000_000
-"""Rows of a block at most, however much memory there is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -450,45 +437,8 @@ class Evaluated:
     constants: Problem
 
 
-def rows_together(memory: int) -> int:
-    """Rows of a block for a worker with so many bytes."""
-    return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
-
-
-class MemoryTooSmallError(ConfigError):
-    """The memory that is allowed is too small; work with another amount begins anew."""
-
-
-def check_memory(entries: int, memory: int, *, masked: bool) -> None:
-    """Refuse components that a worker with so many bytes cannot hold.
-
-    Parameters
-    ----------
-    entries : int
-        Of the largest shard.
-    memory : int
-        Bytes for each worker.
-    masked : bool
-        Whether some states may not be judged.
-
-    Raises
-    ------
-    MemoryTooSmallError
-        One needs more; the message says how much.
-    """
-    needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
-    if entries > SHARD_ENTRIES and needed > memory:
-        gigabytes = math.ceil(needed / 1e8) / 10
-        raise MemoryTooSmallError(
-            f"objects near one another make a component of {entries:,} near pairs, which is "
-            f"solved at once in {gigabytes:g} GB: allow {option('memory', f'{gigabytes:g}GB')} "
-            f"with {option('jobs', 1)}, choose a smaller cutoff, or evaluate parts of the "
-            f"recording, by {option('time')}"
-        )
-
-
 def scan_parts(
-    cut: BlockPlan, work: Path, memory: int, stages: Stages
+    cut: BlockPlan, work: Path, share: Share, stages: Stages
 ) -> tuple[list[list[Json]], list[Scanned]]:
     """Read all blocks of whole steps and find near pairs; each time of a side is in one block.
 
@@ -498,8 +448,8 @@ def scan_parts(
         Both sides along the steps.
     work : Path
         The folder of what is known on the way; what is there is not done again.
-    memory : int
-        Bytes for each worker.
+    share : Share
+        Memory of each worker.
     stages : Stages
         Does the tasks.
 
@@ -520,7 +470,7 @@ def scan_parts(
             str(work / SCANNED / f"{number:08d}"): partial(
                 scan, piece=piece, request=cut.request, names=cut.names
             )
-            for number, piece in enumerate(cut.pieces(rows_together(memory)))
+            for number, piece in enumerate(cut.pieces(share.rows))
         }
         stages.run("searching near pairs", tasks)
     with stages.stopwatch.span("solve/preparation"):
@@ -530,7 +480,7 @@ def scan_parts(
 
 
 def evaluate_parts(
-    cut: BlockPlan, blocks: Sequence[Scanned], work: Path, memory: int, stages: Stages
+    cut: BlockPlan, blocks: Sequence[Scanned], work: Path, share: Share, stages: Stages
 ) -> Evaluated:
     """Solve what `scan_parts` found and add it up.
 
@@ -542,9 +492,9 @@ def evaluate_parts(
     parameters, span = cut.request.parameters, stages.stopwatch.span
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        of_truth, entries, found = make_shards(blocks, truths, estimates)
+        of_truth, entries, found = make_shards(blocks, truths, estimates, share.entries)
         largest = int(entries.max(initial=0))
-        check_memory(largest, memory, masked=cut.request.ignoring is not None)
+        share.check_component(largest, masked=cut.request.ignoring is not None)
         folders = _shuffle(work, blocks, (truths, estimates), of_truth, len(entries), stages)
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))

@@ -37,7 +37,7 @@ def known(folders: tuple[str, str]) -> Result:
 
 
 def in_parts(folders: tuple[str, str]) -> Any:
-    return evaluate(*folders, **METRIC, memory="200MB", jobs=1)
+    return evaluate(*folders, **METRIC, memory="400MB", jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +96,8 @@ def test_files_do_not_depend_on_shards_nor_on_what_is_in_memory(
     monkeypatch.setattr("tgospa_eval.partitioned.tables.ROWS_A_PART", 100)
     made = []
     for entries, rows in ((1, 10), (40, 1), (10_000, 1000)):
-        monkeypatch.setattr("tgospa_eval.partitioned.run.SHARD_ENTRIES", entries)
-        monkeypatch.setattr("tgospa_eval.partitioned.run.MOST_ROWS", 10 * rows)
+        monkeypatch.setattr("tgospa_eval.evaluation.memory.SHARD_ENTRIES", entries)
+        monkeypatch.setattr("tgospa_eval.evaluation.memory.MAX_ROWS", 10 * rows)
         monkeypatch.setattr("tgospa_eval.partitioned.tables.ROWS_AT_ONCE", rows)
         result = in_parts(folders)
         files = (path for path in Path(result.tables.folder).rglob("*") if path.is_file())

@@ -1,13 +1,14 @@
 """``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
 
 from collections.abc import Iterator
+from typing import NoReturn
 
 import click
 
 from tgospa_eval.api.options import DEFAULTS, FITTING, Request
 from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
-from tgospa_eval.errors import ExitStatus
+from tgospa_eval.errors import ExitStatus, MemoryTooSmallError
 
 ALONE = (
     "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
@@ -95,11 +96,10 @@ def command(
     chosen, output = Request.of(options), click_builder.OutputOptions.of(options)
     given = typed_options(ctx)
     _check(chosen, output, given, sweep=bool(sweep))
-    from tgospa_eval.api.in_parts import check_parts, parts_in_words
+    from tgospa_eval.api.in_parts import can_be_divided, check_parts, parts_in_words
     from tgospa_eval.cli.evaluate.run import evaluate_files, show
 
-    why = parts_in_words((truth, estimate), chosen)
-    if why is not None:
+    def in_parts(why: str) -> NoReturn:
         from tgospa_eval.cli.evaluate.partitioned import evaluate_parts
 
         others = {
@@ -111,6 +111,10 @@ def command(
         check_parts(chosen, why, ((name, text) for name, text in others.items() if text))
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+
+    why = parts_in_words((truth, estimate), chosen, drawn=output.output is not None)
+    if why is not None:
+        in_parts(why)
     if chosen.scheduler is not None:
         raise click.UsageError(ALONE)
     if sweep:
@@ -118,7 +122,12 @@ def command(
 
         finished = sweep_files((truth, estimate), sweep, chosen, output, given)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
-    result, finished = evaluate_files(truth, estimate, chosen, output)
+    try:
+        result, finished = evaluate_files(truth, estimate, chosen, output)
+    except MemoryTooSmallError as error:
+        if not can_be_divided((truth, estimate)):
+            raise
+        in_parts(error.reason)
     if chosen.explain:
         from tgospa_eval.cli.evaluate.run import with_repairs
 

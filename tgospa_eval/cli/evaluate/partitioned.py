@@ -24,9 +24,9 @@ from tgospa_eval.common.documents import checked
 from tgospa_eval.common.files import named
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.writing import writing
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import ConfigError, InputError, MemoryTooSmallError
 from tgospa_eval.partitioned.files import state_of, stored
-from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
+from tgospa_eval.partitioned.run import SCANNED
 from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 from tgospa_eval.show.files import WORK_FOLDER, WORK_LOG
@@ -71,7 +71,13 @@ def evaluate_parts(
         try:
             with shown(stopwatch, show=not output.quiet):
                 result = evaluate_in_parts(
-                    paths, options, resolved, work, stopwatch, kept=output.output is not None
+                    paths,
+                    options,
+                    resolved,
+                    work,
+                    stopwatch,
+                    kept=output.output is not None,
+                    drawn=output.output is not None,
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))

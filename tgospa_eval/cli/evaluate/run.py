@@ -13,6 +13,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.memory import left_of_drawing
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.show.result_text import REPORTS
@@ -47,6 +48,10 @@ def evaluate_files(
         Something is wrong with options or files.
     """
     resolved = resolve_request(options)
+    limit = resolved.evaluation.memory
+    if limit is not None and output.output is not None:
+        limit = left_of_drawing(limit, (truth, estimate))
+        resolved = replace(resolved, evaluation=replace(resolved.evaluation, memory=limit))
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.

@@ -1,0 +1,232 @@
+"""Memory that an evaluation takes, and the division of data in parts by a limit.
+
+Numbers are measured as the sum over all processes, with what they share counted once:
+``tests/benchmarks/partitioned.py`` compares the peak with the limit.
+"""
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import MemoryTooSmallError
+from tgospa_eval.formats.guess import ENDINGS
+from tgospa_eval.formats.loading import TABLE
+from tgospa_eval.text import option
+
+MB = 10**6
+
+BASE = {
+    "whole": (70 * MB, 170 * MB),
+    "whole, drawn": (120 * MB, 195 * MB),
+    "main": (65 * MB, 145 * MB),
+    "worker": (35 * MB, 70 * MB),
+    "report": (125 * MB, 155 * MB),
+    "report, drawn": (175 * MB, 215 * MB),
+}
+"""Bytes of interpreter and libraries with CSV and with Parquet files: of an evaluation in memory,
+of the process of data in parts, of each worker beyond what it shares with that, of the report."""
+
+BYTES_A_ROW, BYTES_AN_ENTRY, DRAWN = 150, 300, 1.5
+"""Bytes that each row that is read takes, and each near pair that is solved; times what all takes
+that is drawn."""
+
+BYTES_COMPARED = 40, 280
+"""Bytes that each row and each near pair take in memory while a problem is solved."""
+
+PICTURES, OF_PICTURES = 70 * MB, 400
+"""Bytes that pictures of trajectories take at most, and for each row of small data."""
+
+HELPERS = 30 * MB
+"""Bytes of the processes that look after workers."""
+
+MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
+"""Bytes of data that a process needs at least, and from which more processes are quicker."""
+
+MAX_ROWS = 4_000_000
+"""Rows of a block at most, however much memory there is."""
+
+BYTES_OF_BLOCK = 600
+"""Bytes that a worker needs for each row of a block."""
+
+SHARD_ENTRIES = 1_000_000
+"""Entries of a shard of many components: some seconds of work in some 200 MB."""
+
+BYTES_OF_SHARD, BYTES_OF_MARKS = 400, 100
+"""Bytes for each entry of a shard, whose last component may be as large as all before it, and more
+where some states are not judged."""
+
+TIP = 1 << 16
+"""Bytes at the begin of a text that tell how long its lines are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """Memory of each of the processes that evaluate data in parts.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes; 1 is the process that starts the work.
+    data : int
+        Bytes of data of each.
+    fixed : int
+        Bytes that one process alone takes beside its data.
+    """
+
+    jobs: int
+    data: int
+    fixed: int = 0
+
+    @classmethod
+    def of(
+        cls, limit: int, jobs: int, formats: Sequence[str], *, drawn: bool, cluster: bool
+    ) -> "Share":
+        """Divide a limit among as many processes as have enough of it each.
+
+        Parameters
+        ----------
+        limit : int
+            Bytes of all processes together; of each worker of a cluster.
+        jobs : int
+            Number of processes at most.
+        formats : sequence of str
+            Formats of the files.
+        drawn : bool
+            Whether pictures are made.
+        cluster : bool
+            Whether the processes are workers of a cluster.
+
+        Raises
+        ------
+        MemoryTooSmallError
+            The limit is below what one process needs.
+        """
+        main, report = base("main", formats), base(f"report{', drawn' * drawn}", formats)
+        for count in range(jobs, 1, -1):
+            share = (limit - main - HELPERS) // count - base("worker", formats)
+            if share >= GOOD_SHARE and limit >= report:
+                return cls(jobs=count, data=share, fixed=main)
+        least = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
+        if limit < least:
+            raise MemoryTooSmallError(
+                f"data in parts take {size_text(least)} at least: allow "
+                f"{option('memory', size_text(least))}"
+            )
+        return cls(jobs=1, data=limit - main, fixed=main)
+
+    @property
+    def rows(self) -> int:
+        """Rows of a block."""
+        return max(min(MAX_ROWS, self.data // BYTES_OF_BLOCK), 1)
+
+    @property
+    def entries(self) -> int:
+        """Entries of a shard of many components."""
+        return max(min(SHARD_ENTRIES, self.data // BYTES_OF_SHARD), 1)
+
+    def check_component(self, entries: int, *, masked: bool) -> None:
+        """Refuse components that a process cannot hold.
+
+        Parameters
+        ----------
+        entries : int
+            Near pairs of the largest shard.
+        masked : bool
+            Whether some states may not be judged.
+
+        Raises
+        ------
+        MemoryTooSmallError
+            One needs more; the message says how much.
+        """
+        needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
+        if entries > self.entries and needed > self.data:
+            size = size_text(needed + self.fixed)
+            raise MemoryTooSmallError(
+                f"objects near one another make a component of {entries:,} near pairs, which is "
+                f"solved at once in {size}: allow {option('memory', size)} with "
+                f"{option('jobs', 1)}, choose a smaller cutoff, or evaluate parts of the "
+                f"recording, by {option('time')}"
+            )
+
+
+def base(stage: str, formats: Sequence[str]) -> int:
+    """Return the bytes that a stage takes without any data, for files of these formats."""
+    return BASE[stage]["parquet" in formats]
+
+
+def size_text(size: float) -> str:
+    """Return bytes as an option has them, rounded up: 110MB, 2.4GB."""
+    tens = math.ceil(size / (10 * MB))
+    return f"{10 * tens}MB" if tens < 100 else f"{math.ceil(tens / 10) / 10:g}GB"
+
+
+def format_of(path: str) -> str | None:
+    """Return the format that the name of a file tells."""
+    return ENDINGS.get(os.path.splitext(path.lower())[1])
+
+
+def bytes_in_memory(paths: Sequence[str], *, drawn: bool) -> float:
+    """Return about how much an evaluation of files in memory takes.
+
+    Near pairs beyond one for each two rows are not counted here, but in `check_pairs`.
+    """
+    formats = [format_of(path) or "" for path in paths]
+    read = [_rows(path, format) for path, format in zip(paths, formats, strict=True)]
+    size, rows = map(sum, zip(*read, strict=True))
+    if not drawn:
+        return base("whole", formats) + size + BYTES_A_ROW * rows
+    pictures = min(PICTURES, OF_PICTURES * rows)
+    return base("whole, drawn", formats) + pictures + size + DRAWN * BYTES_A_ROW * rows
+
+
+def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
+    """Return what may be taken until a problem is solved where it is drawn as well."""
+    formats = [format_of(path) or "" for path in paths]
+    left = (limit - base("whole, drawn", formats)) / DRAWN
+    return max(int(base("whole", formats) + left), 0)
+
+
+def check_pairs(rows: int, pairs: int, limit: int) -> None:
+    """Refuse to solve a problem in memory that would take more than the limit.
+
+    Parameters
+    ----------
+    rows, pairs : int
+        Rows of both sides, and near pairs.
+    limit : int
+        Bytes, of interpreter and libraries as well.
+
+    Raises
+    ------
+    MemoryTooSmallError
+        It would; the message says how much.
+    """
+    formats = ["parquet" if "pyarrow" in sys.modules else "csv"]
+    of_row, of_pair = BYTES_COMPARED
+    needed = base("whole", formats) + of_row * rows + of_pair * pairs
+    if needed > limit:
+        raise MemoryTooSmallError(
+            f"{pairs:,} near pairs of objects take some {size_text(needed)} in memory, more than "
+            f"{option('memory')} allows; allow more, or choose a smaller cutoff"
+        )
+
+
+def _rows(path: str, format: str) -> tuple[int, float]:
+    """Return the bytes of a file that are read, and about how many rows it has."""
+    if format == "parquet":
+        try:
+            import pyarrow.parquet as pq  # lazy: for large files only
+
+            metadata = pq.read_metadata(path)
+        except (ModuleNotFoundError, OSError, ValueError):
+            return 0, 0.0  # who reads it says what is wrong
+        return 0, float(metadata.num_rows)
+    size = os.path.getsize(path)
+    with open(path, "rb") as file:
+        tip = file.read(TIP)
+    if b"\0" in tip:
+        return TABLE * size, 0.0
+    return size, size * (tip.count(b"\n") + 1) / max(len(tip), 1)
