@@ -19,6 +19,7 @@ import gaussian
 import grid
 import growth
 import kernel
+import limits
 import memory
 import page
 import partitioned
@@ -97,6 +98,7 @@ OF_CASES: dict[ModuleType, Callable[..., list[Table]]] = {
     scale: report.of_scale,
     batch: report.of_batch,
     partitioned: report.of_partitioned,
+    limits: report.of_limits,
 }
 """Parts that measure one case after the other, and their tables."""
 

@@ -13,6 +13,7 @@ import gaussian
 import grid
 import growth
 import kernel
+import limits
 import memory
 import page
 import partitioned
@@ -34,6 +35,8 @@ from methods import (
 from scenes import Scene
 from store import Store, Values
 from tables import Table
+
+from tgospa_eval.common.words import parsed_size
 
 TWICE = 2.0
 """The certified solver is to take at most so many times what the bracket takes."""
@@ -447,6 +450,29 @@ def of_partitioned(cases: Sequence[partitioned.Recording], store: Store) -> list
                 "peak of the largest process; /whole: against the same rows in memory; 1/2 jobs: "
                 "time with one job over time with two.",
             ),
+        )
+    ]
+
+
+def of_limits(cases: Sequence[partitioned.Recording], store: Store) -> list[Table]:
+    """Peaks against limits of memory."""
+    rows = []
+    for case in cases:
+        found = store.get(limits.PART, str(case)) or {}
+        for kind in limits.INPUTS if found else ():
+            row = [f"{case}, {' '.join(kind)}"]
+            for limit in limits.LIMITS:
+                peak = found[" ".join((*kind, limit))]
+                refused = isinstance(peak, str)
+                ratio = peak.split()[-1] if refused else f"{peak / parsed_size(limit):.2f}"
+                row.append(ratio)
+            rows.append(row)
+    return [
+        Table(
+            "Peak memory of all processes over --memory",
+            ("rows a side, files", *limits.LIMITS),
+            rows,
+            (f"{limits.JOBS} jobs at most; a size: what the limit is refused with.",),
         )
     ]
 
