@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 
 from tgospa_eval.cli.shared.command import SECTIONS
-from tgospa_eval.cli.verbs import load
+from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.formats.headers import HEADER_ALIASES
 
 BLOCK = re.compile(
@@ -102,18 +102,36 @@ def answers(question: str) -> str:
     )
 
 
+def has(verb: str) -> dict[str, str]:
+    """Help of every option of a verb by its declaration."""
+    return {name: text for part in records(verb).values() for name, text in part.items()}
+
+
+def alone() -> list[str]:
+    """Options of `evaluate` that no other verb has."""
+    others = {long_name(name) for verb in VERBS if verb != DEFAULT for name in has(verb)}
+    return [long_name(name) for name in has(DEFAULT) if long_name(name) not in others]
+
+
 def table(verb: str) -> str:
     """Options of a verb's own, and names of those of `evaluate` that it has, or has not."""
-    options = {name: text for part in records(verb).values() for name, text in part.items()}
-    usual = {name: text for part in records(DEFAULT).values() for name, text in part.items()}
-    shared = [name for name, text in options.items() if usual.get(name) == text]
-    text = rows({name: text for name, text in options.items() if name not in shared})
-    own = {long_name(name) for name in options if name not in shared}
-    lacks = [name for name in usual if name not in shared and long_name(name) not in own]
+    if verb == DEFAULT:
+        return f"No other verb has {listed(alone())}."
+    options, usual = has(verb), has(DEFAULT)
+    shared = [long_name(name) for name, text in options.items() if usual.get(name) == text]
+    own = {name: text for name, text in options.items() if long_name(name) not in shared}
+    known = {*shared, *map(long_name, own), *alone()}
+    lacks = [long_name(name) for name in usual if long_name(name) not in known]
     few = shared if len(shared) <= len(lacks) else lacks
-    names = ", ".join(f"`{long_name(name)}`" for name in few)
-    start = "Options of `evaluate` as well:" if few is shared else "All options of `evaluate`, but"
-    return f"{text}\n\n{start} {names}."
+    start = (
+        "Options of `evaluate` as well:" if few is shared else "Other options of `evaluate`, but"
+    )
+    return f"{rows(own)}\n\n{start} {listed(few)}."
+
+
+def listed(names: list[str]) -> str:
+    """As code, with commas."""
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def headers() -> str:
