@@ -123,10 +123,8 @@ def table(verb: str) -> str:
     known = {*shared, *map(long_name, own), *alone()}
     lacks = [long_name(name) for name in usual if long_name(name) not in known]
     few = shared if len(shared) <= len(lacks) else lacks
-    start = (
-        "Options of `evaluate` as well:" if few is shared else "Other options of `evaluate`, but"
-    )
-    return f"{rows(own)}\n\n{start} {listed(few)}."
+    rest = "" if few is shared else " all other options but"
+    return f"{rows(own)}\n\nAs in `evaluate`:{rest} {listed(few)}."
 
 
 def listed(names: list[str]) -> str:
