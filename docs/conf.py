@@ -29,7 +29,8 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 
 man_pages = [
-    ("reference/cli", "tgospa-eval", "evaluate a multi-target tracker with TGOSPA", [author], 1)
+    ("reference/cli", "tgospa-eval", "evaluate a multi-target tracker with TGOSPA", [author], 1),
+    ("reference/options", "tgospa-eval-options", "options of tgospa-eval", [author], 1),
 ]
 
 html_theme = "furo"

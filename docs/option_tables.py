@@ -1,8 +1,8 @@
 """Blocks of pages that are made: tables of options and headers from the code, and examples.
 
-They stand in the pages, as a forge shows these, from a comment to ``<!-- end -->``: of options
-``<!-- options VERB -->`` or ``<!-- options VERB SECTION -->``, as `tgospa-eval help VERB` prints
-them; of headers that are found without options ``<!-- headers -->``; of a file
+They stand in the pages, as a forge shows these, from a comment to ``<!-- end -->``: options of
+`evaluate` that answer a question, ``<!-- question WORDS -->``; options of another verb,
+``<!-- options VERB -->``; headers that are found without options, ``<!-- headers -->``; a file,
 ``<!-- file PATH LANGUAGE -->``. ``python docs/option_tables.py`` makes them anew; a test holds them
 true.
 """
@@ -13,12 +13,42 @@ from pathlib import Path
 import click
 
 from tgospa_eval.cli.shared.command import SECTIONS
-from tgospa_eval.cli.verbs import load
+from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.formats.headers import HEADER_ALIASES
 
-BLOCK = re.compile(r"^<!-- (options|headers|file) ?(.*) -->\n(?:.*\n)*?<!-- end -->$", re.M)
+BLOCK = re.compile(
+    r"^<!-- (options|question|headers|file) ?(.*) -->\n(?:.*\n)*?<!-- end -->$", re.M
+)
 DEFAULT = "evaluate"
 """Of the other verbs those options are shown that this one has not, or not with the same help."""
+
+QUESTIONS = {
+    "What does an error cost?": ("Metric",),
+    "How far apart are two states?": (
+        "distance", "covariance", "vertical-weight", "periodic", "scale",
+    ),
+    "How are covariances compared?": ("Gaussians",),
+    "How are particles compared?": ("Particles",),
+    "Which steps count?": (
+        "steps", "grid", "time", "time-tolerance", "interpolate", "max-gap", "outage", "resample",
+        "period",
+    ),
+    "Which objects count?": ("Filters",),
+    "How is it read?": ("Files",),
+    "Which clock, unit and place?": (
+        "time-offset", "time-scale", "unit-scale", "truth-crs", "estimate-crs", "origin",
+        "truth-scale", "estimate-scale", "truth-time-format", "estimate-time-format",
+        "truth-time-zone", "estimate-time-zone", "day-begins",
+    ),
+    "How is it solved?": ("Solver",),
+    "What else is computed?": (
+        "with", "slice", "sweep", "curve", "window", "every", "similarity", "tracked-shares",
+        "explain",
+    ),
+    "What is printed and written?": ("Output",),
+    "Where do settings come from?": ("General",),
+}  # fmt: skip
+"""Options of `evaluate`, or sections of its help: these have what no question names."""
 
 
 def records(verb: str) -> dict[str, dict[str, str]]:
@@ -52,19 +82,54 @@ def rows(options: dict[str, str]) -> str:
     return "\n".join(("| option | meaning |", "|---|---|", *lines))
 
 
-def table(verb: str, section: str | None = None) -> str:
-    """Options of a section, or all; but of `evaluate` those of its own, and names of the others."""
-    sections = records(verb)
-    if section is not None:
-        return rows(sections[section])
-    options = {name: text for part in sections.values() for name, text in part.items()}
+def long_name(declared: str) -> str:
+    """``--cutoff`` of ``-c, --cutoff C``."""
+    return re.findall(r"--[a-z-]+|-h", declared)[0]
+
+
+def answers(question: str) -> str:
+    """Options of `evaluate`, in the order of its help."""
+    named = {f"--{name}" for names in QUESTIONS.values() for name in names}
+    wanted = QUESTIONS[question]
+    return rows(
+        {
+            name: text
+            for section, options in records(DEFAULT).items()
+            for name, text in options.items()
+            if (section in wanted and long_name(name) not in named)
+            or long_name(name).removeprefix("--") in wanted
+        }
+    )
+
+
+def has(verb: str) -> dict[str, str]:
+    """Help of every option of a verb by its declaration."""
+    return {name: text for part in records(verb).values() for name, text in part.items()}
+
+
+def alone() -> list[str]:
+    """Options of `evaluate` that no other verb has."""
+    others = {long_name(name) for verb in VERBS if verb != DEFAULT for name in has(verb)}
+    return [long_name(name) for name in has(DEFAULT) if long_name(name) not in others]
+
+
+def table(verb: str) -> str:
+    """Options of a verb's own, and names of those of `evaluate` that it has, or has not."""
     if verb == DEFAULT:
-        return rows(options)
-    usual = {item for part in records(DEFAULT).values() for item in part.items()}
-    shared = [name for name, text in options.items() if (name, text) in usual]
-    text = rows({name: text for name, text in options.items() if name not in shared})
-    names = ", ".join(f"`{re.findall(r'--[a-z-]+|-h', name)[0]}`" for name in shared)
-    return f"{text}\n\nOptions that `evaluate` has too: {names}."
+        return f"No other verb has {listed(alone())}."
+    options, usual = has(verb), has(DEFAULT)
+    shared = [long_name(name) for name, text in options.items() if usual.get(name) == text]
+    own = {name: text for name, text in options.items() if long_name(name) not in shared}
+    known = {*shared, *map(long_name, own), *alone()}
+    lacks = [long_name(name) for name in usual if long_name(name) not in known]
+    few = shared if len(shared) <= len(lacks) else lacks
+    rest = "" if few is shared else " all other options but"
+    return f"{rows(own)}\n\nAs in `evaluate`:{rest} {listed(few)}."
+
+
+def listed(names: list[str]) -> str:
+    """As code, with commas."""
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def headers() -> str:
@@ -80,13 +145,16 @@ def filled(page: Path) -> str:
     """The text of a page with its blocks as they should be."""
 
     def block(found: re.Match[str]) -> str:
-        kind, given = found[1], found[2].split()
+        kind, given = found[1], found[2]
         if kind == "file":
-            text = page.parent.joinpath(given[0]).read_text(encoding="utf-8")
-            made = f"```{given[1]}\n{text}```"
+            path, language = given.split()
+            text = page.parent.joinpath(path).read_text(encoding="utf-8")
+            made = f"```{language}\n{text}```"
+        elif kind == "question":
+            made = answers(given)
         else:
-            made = table(*given) if kind == "options" else headers()
-        return f"<!-- {' '.join((kind, *given))} -->\n\n{made}\n\n<!-- end -->"
+            made = table(given) if kind == "options" else headers()
+        return f"<!-- {f'{kind} {given}'.strip()} -->\n\n{made}\n\n<!-- end -->"
 
     return BLOCK.sub(block, page.read_text(encoding="utf-8"))
 

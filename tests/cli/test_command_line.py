@@ -273,8 +273,9 @@ def test_help_of_a_verb(invoke: Run, verb: str) -> None:
     assert max(map(len, out.splitlines())) <= 80
     examples = re.findall(r"^    tgospa-eval .+", out, re.MULTILINE)
     assert examples
-    page = (DOCS / "reference" / "cli.md").read_text(encoding="utf-8")
-    documented = "".join(re.findall(rf"(?s)<!-- options {verb}\b(.*?)<!-- end -->", page))
+    page = (DOCS / "reference" / "options.md").read_text(encoding="utf-8")
+    blocks = rf"(?s)<!-- (?:question [^\n]*|options {verb}) -->(.*?)<!-- end -->"
+    documented = "".join(re.findall(blocks, page))
     known = set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", out, re.MULTILINE))
     assert len(known) > (1 if verb == "verify" else 10)
     assert not {name for name in known if name not in documented}

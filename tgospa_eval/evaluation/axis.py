@@ -1,4 +1,4 @@
-"""The steps that count, and both sides at them: docs/how-to/which-steps-count.md."""
+"""The steps that count, and both sides at them: docs/how-to/time.md."""
 
 from collections.abc import Sequence
 from dataclasses import replace

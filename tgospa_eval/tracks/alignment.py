@@ -2,7 +2,7 @@
 
 Knows no file and no metric. Reports of an estimate on a common clock hold for the tracker's
 period: each is judged against the truth at its own time, and the clock only samples which reports
-hold. Nothing that was not reported is made (docs/how-to/which-steps-count.md).
+hold. Nothing that was not reported is made (docs/how-to/time.md).
 """
 
 import math
