@@ -520,9 +520,9 @@ class Request(Values):
     )
     memory: int | None = _files(
         "--memory SIZE",
-        "Memory that the evaluation may take, 4GB or 500MB. Folders of Parquet or CSV files, and "
-        "files that would take more, are read and evaluated in parts. With --scheduler that of "
-        "each worker.",
+        "Memory that all processes together may take, 4GB or 500MB. Folders of Parquet or CSV "
+        "files, and files that would take more, are read and evaluated in parts. With --scheduler "
+        "that of each worker.",
         kind="size",
         shown="half of the machine's",
         number=False,
@@ -538,8 +538,7 @@ class Request(Values):
     )
     with_: str | None = _beside(
         "--with NAMES",
-        "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
-        "mot; gospa, of each step by itself; nees, whether covariances are as large as errors, "
+        "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1); gospa, of each step by itself; nees, whether covariances are as large as errors, "
         "also where the distance compares points. Several with commas.",
         parts=FITTING,
     )
