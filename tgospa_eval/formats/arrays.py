@@ -106,7 +106,7 @@ def _array(path: str, data: bytes) -> Array:
         raise unreadable(path, "npy", error) from None
 
 
-def meant(name: str) -> tuple[str, str]:
+def kind_of(name: str) -> tuple[str, str]:
     """What a variable is, a key of `NAMES`, and its axes if the name has them; blank otherwise."""
     base, _, axes = name.rpartition("_")
     for kind, names in NAMES.items():
@@ -119,7 +119,7 @@ def meant(name: str) -> tuple[str, str]:
 
 def has_states(names: Mapping[str, Any]) -> bool:
     """Whether there are states, or particles, among the variables of these names."""
-    return any(meant(name)[0] in ("x", "particles") for name in names)
+    return any(kind_of(name)[0] in ("x", "particles") for name in names)
 
 
 def sized(name: str, shape: tuple[int, ...]) -> str:
@@ -168,31 +168,31 @@ def array_rows(
 
     from tgospa_eval.formats.frames import frame_rows
 
-    found, unused = _sorted(path, arrays)
-    told = {kind: sized(name, array.shape) for kind, (name, array) in found.items()}
+    kinds, unused = _sorted(path, arrays)
+    labels = {kind: sized(name, array.shape) for kind, (name, array) in kinds.items()}
     lengths = {"T": "t", "n": "id", "d": "columns"}
-    known = {axis: found[kind][1].size for axis, kind in lengths.items() if kind in found}
-    tables = _oriented(path, {k: v for k, v in found.items() if k in axes}, known, axes)
+    known = {axis: kinds[kind][1].size for axis, kind in lengths.items() if kind in kinds}
+    tables = _oriented(path, {k: v for k, v in kinds.items() if k in axes}, known, axes)
     what = "particles" if "particles" in tables else "x"
     tables = _chosen(tables, chosen, path)
     *shape, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
-        raise InputError(f"{path}: {told[what]}: no coordinates")
+        raise InputError(f"{path}: {labels[what]}: no coordinates")
     first = int(axes is MATLAB)
     if there is None:  # an axis beside one of size 0 may be of any size
         there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
-        about = " and ".join(told[kind] for kind in tables)
+        about = " and ".join(labels[kind] for kind in tables)
         width = size + (size * size + 2 if "P" in tables else 2)
         count = max(len(step) * each, 1)  # without any there are the names of columns
         check_memory(path, TABLE * 8 * count * width, file, options.max_input, about)
-    names = _columns(path, found, size, options, names)
+    names = _columns(path, kinds, size, options, names)
     table: dict[str, Any] = {}
     for kind, place in (("id", track), ("t", step)):
-        if kind in found:
-            values = found[kind][1].ravel()
+        if kind in kinds:
+            values = kinds[kind][1].ravel()
             values = (_whole(values) if first else values)[place]
         else:
             values = place + first
@@ -206,10 +206,10 @@ def array_rows(
     warnings: tuple[Notice, ...] = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
         options = replace(options, columns=names)  # states of other names all the same
-        if "columns" not in found and chosen is None:
+        if "columns" not in kinds and chosen is None:
             warnings = (all_compared(names),)
     roles = find_roles(list(table), options, path)
-    unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
+    unused += [labels[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in labels]
     if unused:
         roles = replace(roles, passed=(*roles.passed, f"variables not used: {listed(unused)}"))
 
@@ -223,14 +223,14 @@ def array_rows(
 
 def _columns(
     path: str,
-    found: dict[str, tuple[str, Array]],
+    kinds: dict[str, tuple[str, Array]],
     size: int,
     options: ReadOptions,
     names: tuple[str, ...] | None,
 ) -> tuple[str, ...]:
     """Names of the coordinates."""
-    if "columns" in found:
-        names = tuple(str(name).strip() for name in found["columns"][1].ravel())
+    if "columns" in kinds:
+        names = tuple(str(name).strip() for name in kinds["columns"][1].ravel())
     elif names is None or len(names) != size:
         names = BOX if options.boxes and size == len(BOX) else column_names(size)
     taken = {"id", "t", "weight"} & set(names)
@@ -253,12 +253,12 @@ def _chosen(
     tables: dict[str, Floats], chosen: Sequence[int] | None, path: str
 ) -> dict[str, Floats]:
     """Arrays with some of the coordinates."""
-    found = dict(tables)
+    parts = dict(tables)
     for kind in tables.keys() - {"weights"} if chosen is not None else ():
         places = components(chosen, tables[kind].shape[-1], path)
-        found[kind] = tables[kind][..., places]
-        found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
-    return found
+        parts[kind] = tables[kind][..., places]
+        parts[kind] = parts[kind][..., places, :] if kind == "P" else parts[kind]
+    return parts
 
 
 def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
@@ -269,13 +269,13 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
     ConfigError
         They are not there.
     """
-    found = list(range(size) if chosen is None else chosen)
-    if not found or len(set(found)) < len(found) or not set(found) <= set(range(size)):
+    numbers = list(range(size) if chosen is None else chosen)
+    if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(range(size)):
         raise ConfigError(
-            f"mapping is {tuple(found)}: must be different components of the states of {name}, "
+            f"mapping is {tuple(numbers)}: must be different components of the states of {name}, "
             f"from 0 to {size - 1}"
         )
-    return found
+    return numbers
 
 
 def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
@@ -299,36 +299,36 @@ def all_compared(names: tuple[str, ...]) -> Notice:
 
 def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]], list[str]]:
     """Name and array of each kind of variable, and the others with their sizes."""
-    found: dict[str, tuple[str, Array]] = {}
-    others = []
+    kinds: dict[str, tuple[str, Array]] = {}
+    unused = []
     for name, array in arrays.items():
-        kind, _ = meant(name)
-        if kind in found:
-            raise InputError(f"{path}: {found[kind][0]} and {name} are the same; leave one out")
+        kind, _ = kind_of(name)
+        if kind in kinds:
+            raise InputError(f"{path}: {kinds[kind][0]} and {name} are the same; leave one out")
         if kind:
-            found[kind] = name, array
+            kinds[kind] = name, array
         else:
-            others.append(name)
-    deep = [name for name in others if arrays[name].ndim == AXES]
+            unused.append(name)
+    deep = [name for name in unused if arrays[name].ndim == AXES]
     if not has_states(arrays):
         if len(deep) != 1:
             shapes = ", ".join(sized(name, array.shape) for name, array in arrays.items())
             raise InputError(f"{path}: {shapes}: which are the states? name them x, or particles")
-        found["x"] = deep[0], arrays[deep[0]]
-        others.remove(deep[0])
-    for kind, (name, array) in found.items():
+        kinds["x"] = deep[0], arrays[deep[0]]
+        unused.remove(deep[0])
+    for kind, (name, array) in kinds.items():
         if 8 * prod(max(size, 1) for size in array.shape) >= LARGEST_ARRAY:
             raise InputError(f"{path}: {sized(name, array.shape)}: no memory holds such axes")
         if kind in NUMPY and array.dtype.kind not in "iuf":
             raise InputError(f"{path}: {name} of type {array.dtype}; it must be of real numbers")
         if kind not in NUMPY and max(array.shape, default=1) != array.size:
             raise InputError(f"{path}: {sized(name, array.shape)}; it must be a vector")
-    return found, [sized(name, arrays[name].shape) for name in others]
+    return kinds, [sized(name, arrays[name].shape) for name in unused]
 
 
 def _oriented(
     path: str,
-    found: dict[str, tuple[str, Array]],
+    kinds: dict[str, tuple[str, Array]],
     known: dict[str, int],
     axes: Mapping[str, tuple[str, ...]],
 ) -> dict[str, Floats]:
@@ -339,30 +339,30 @@ def _oriented(
     InputError
         No axes fit, or several do and make a difference.
     """
-    ways = {kind: meant(name)[1] for kind, (name, _) in found.items()}
+    ways = {kind: kind_of(name)[1] for kind, (name, _) in kinds.items()}
     allowed = {kind: (way,) if way else axes[kind] for kind, way in ways.items()}
     fits = []
     for chosen in product(*allowed.values()):
         sizes = dict(known)
         if all(
             _fits(array.shape, way, sizes, drop=axes is MATLAB and (way[-1] != "d" or "n" in known))
-            for (_, array), way in zip(found.values(), chosen, strict=True)
+            for (_, array), way in zip(kinds.values(), chosen, strict=True)
         ):
-            fits.append(dict(zip(found, chosen, strict=True)))
-    told = ", ".join(
-        [sized(name, array.shape) for name, array in found.values()]
+            fits.append(dict(zip(kinds, chosen, strict=True)))
+    shapes = ", ".join(
+        [sized(name, array.shape) for name, array in kinds.values()]
         + [f"{axis} = {size}" for axis, size in known.items()]
     )
     if not fits:
         rules = "; ".join(
-            f"{found[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
+            f"{kinds[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
         )
         raise InputError(
-            f"{path}: {told}: do not fit; {rules}, of T steps, n trajectories, d coordinates and N "
-            "particles; other axes stand in the name, x_dTn"
+            f"{path}: {shapes}: do not fit; {rules}, of T steps, n trajectories, d coordinates and "
+            "N particles; other axes stand in the name, x_dTn"
         )
     made = [
-        {kind: _turned(array, way[kind], kind) for kind, (_, array) in found.items()}
+        {kind: _turned(array, way[kind], kind) for kind, (_, array) in kinds.items()}
         for way in fits
     ]
     for other, way in zip(made[1:], fits[1:], strict=True):
@@ -371,7 +371,7 @@ def _oriented(
                 both, base = (fits[0][kind], way[kind]), NAMES[kind][0]
                 also = ", or save t and id with it" if kind != "P" and len(known) < 2 else ""
                 raise InputError(
-                    f"{path}: {told}: {found[kind][0]} may be {' or '.join(map(_spelt, both))}; "
+                    f"{path}: {shapes}: {kinds[kind][0]} may be {' or '.join(map(_spelt, both))}; "
                     f"name it {base}_{both[0]} or {base}_{both[1]}{also}"
                 )
     return made[0]

@@ -62,9 +62,9 @@ def arrow_rows(
     del table
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
-    found = find_roles(subset, shared, path)
+    subset_roles = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}
-    return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
+    return frame_rows(frame, replace(subset_roles, **whole), path, options.decimal, where)
 
 
 @contextmanager

@@ -69,10 +69,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    moments, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
-    for rule, (apart, sentence) in rows.apart.items():
+    timestamps, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
+    for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
-            choice.keep(~apart, rule, sentence)
+            choice.keep(~mask, rule, sentence)
     filled = (state == state).all(axis=1)  # NaN is not
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
@@ -119,7 +119,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state=state.take(taken, axis=0) if clouds is None else clouds.means,
         clouds=clouds,
         ids=track_ids[used],
-        times=moments,
+        times=timestamps,
         columns=roles.names,
         clock=rows.times.clock,
         labels=labels,
@@ -146,7 +146,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
         missing=roles.missing,
-        headers=roles.called,
+        headers=roles.renamed,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
@@ -229,7 +229,7 @@ PLACED = ("left", "top", "width", "height")
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
     """Whether consecutive rows of one step are much nearer than those of one id."""
     taken = taken[:SAMPLED]
-    number, moments = rows.ids[1][taken], rows.times.value[taken]
+    number, stamps = rows.ids[1][taken], rows.times.value[taken]
     places = rows.numbers[taken, :2]
 
     def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
@@ -238,7 +238,7 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
         lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
         return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
 
-    return spacing(number, moments) > EXCHANGED * spacing(moments, number) > 0
+    return spacing(number, stamps) > EXCHANGED * spacing(stamps, number) > 0
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
@@ -280,15 +280,15 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
     """The boxes that the format itself has as regions."""
-    at = [np.flatnonzero(apart) for rule, (apart, _) in rows.apart.items() if rule in AS_REGIONS]
-    found = np.concatenate([np.zeros(0, np.int64), *at])
-    found = found[(state[found, 2:] > 0).all(axis=1)]
-    if not len(found):
+    at = [np.flatnonzero(mask) for rule, (mask, _) in rows.excluded.items() if rule in AS_REGIONS]
+    boxes = np.concatenate([np.zeros(0, np.int64), *at])
+    boxes = boxes[(state[boxes, 2:] > 0).all(axis=1)]
+    if not len(boxes):
         return None
-    moments = rows.times.value[found].tolist()
+    timestamps = rows.times.value[boxes].tolist()
     shapes = (
         Shape(kind=BOX, rings=(state[k],), where=rows.where(k), moment=moment)
-        for k, moment in zip(found.tolist(), moments, strict=True)
+        for k, moment in zip(boxes.tolist(), timestamps, strict=True)
     )
     return Regions(shapes=tuple(shapes), clock=rows.times.clock, name=rows.name)
 
@@ -306,17 +306,17 @@ def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) ->
 
     `whole`: names that differ in upper and lower case alone may be taken for one another.
     """
-    asked = {name.strip() for name in options.classes or ()}
-    for name in sorted(asked):
-        found = class_named(name, there) if whole else name
-        others = [other for other in there if is_alike(name, other) and other not in asked]
-        if found not in there:
+    requested = {name.strip() for name in options.classes or ()}
+    for name in sorted(requested):
+        match = class_named(name, there) if whole else name
+        variants = [other for other in there if is_alike(name, other) and other not in requested]
+        if match not in there:
             shown = ", ".join(map(quoted, there[:10])) or "none"
             yield f"no row of class {quoted(name)}; there are {shown}"
-        elif found != name:
-            yield f"class {quoted(found)} is taken for {quoted(name)}"
-        elif others:
-            yield f"class {quoted(name)} as it is written; {quoted(others[0])} is another"
+        elif match != name:
+            yield f"class {quoted(match)} is taken for {quoted(name)}"
+        elif variants:
+            yield f"class {quoted(name)} as it is written; {quoted(variants[0])} is another"
 
 
 class _Choice:
@@ -345,9 +345,9 @@ class _Choice:
         return not self.left_out
 
 
-def _fills_half_a_day(moments: TimeArray) -> bool:
+def _fills_half_a_day(stamps: TimeArray) -> bool:
     """Whether times may be those of a day, from before to after midnight: few are."""
-    return float(moments[-1]) - float(moments[0]) > 43_200
+    return float(stamps[-1]) - float(stamps[0]) > 43_200
 
 
 def _grid(
@@ -362,26 +362,26 @@ def _grid(
         from tgospa_eval.formats.clocks import carried  # lazy: few want it
 
         times = carried(times, options.day_begins, rows.name)
-    moments, step = _number_times(times.value)
-    if options.day_begins is None and rows.whole and len(moments) and _fills_half_a_day(moments):
+    stamps, step = _number_times(times.value)
+    if options.day_begins is None and rows.whole and len(stamps) and _fills_half_a_day(stamps):
         from tgospa_eval.formats.clocks import over_midnight  # lazy: as above
 
-        anew = over_midnight(times, moments, rows.ids[1])
+        anew = over_midnight(times, stamps, rows.ids[1])
         if anew is not None:
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time begins anew, as after midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
     labels = None
     if times.text is not None:
-        labels = np.empty(len(moments), dtype=object)
+        labels = np.empty(len(stamps), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
-    moments, labels = options.conversion.times(moments, times.clock, labels, rows.name)
-    if options.moments is None:
-        return moments, step, labels
-    inside = options.moments.inside(moments, times.clock, rows.name)
+    stamps, labels = options.conversion.times(stamps, times.clock, labels, rows.name)
+    if options.time_range is None:
+        return stamps, step, labels
+    inside = options.time_range.inside(stamps, times.clock, rows.name)
     choice.keep(inside[step], "time")
     labels = None if labels is None else labels[inside]
-    return moments[inside], (np.cumsum(inside) - 1)[step], labels
+    return stamps[inside], (np.cumsum(inside) - 1)[step], labels
 
 
 def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
@@ -392,9 +392,9 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
         choice.notices.append(no_classes())
         return
     there = rows.classes[0].tolist()
-    asked = [name.strip() for name in options.classes]
-    asked += options.also
-    taken = {class_named(name, there) for name in asked} if rows.whole else {*asked}
+    requested = [name.strip() for name in options.classes]
+    requested += options.also
+    taken = {class_named(name, there) for name in requested} if rows.whole else {*requested}
     known = np.array([name in taken for name in there], bool)
     choice.keep(known[rows.classes[1]], "class")
     choice.notices += class_notices(options, there, whole=rows.whole)
@@ -479,9 +479,9 @@ def _check_states(
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
-        least = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
+        bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
         first = extent[wrong][:1].sum()
-        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {least}")
+        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {bound}")
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -567,7 +567,7 @@ def _covariances(
     covariance, notices = covariances_of(
         {column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
         taken,
-        lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
+        lambda row: f"{rows.where(row)} (id {rows.quoted_id(row)}, t {rows.moment(row)})",
         spread,
         missing=options.missing_covariance,
         fix=options.fix_covariance,
@@ -600,8 +600,8 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
         return value[begins], np.cumsum(begins) - 1
-    moments, step = np.unique(value, return_inverse=True)
-    return cast(TimeArray, moments), step
+    timestamps, step = np.unique(value, return_inverse=True)
+    return cast(TimeArray, timestamps), step
 
 
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
@@ -609,23 +609,23 @@ def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
     roles = rows.roles
     columns: dict[int, Values] = dict(rows.attributes)
     columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
-    found: dict[str, Values] = {}
+    values: dict[str, Values] = {}
     for name, column in roles.attributes.items():
         if column in columns:
-            found[name] = columns[column][taken]
+            values[name] = columns[column][taken]
         elif column == roles.time:
             times = np.array([rows.moment(row) for row in taken.tolist()], dtype=object)
-            found[name] = times if rows.times.text is not None else times.astype(np.float64)
+            values[name] = times if rows.times.text is not None else times.astype(np.float64)
         else:
             numbered = rows.ids if column == roles.id else rows.classes
             assert numbered is not None  # a column is one of these or among the texts
-            found[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
-    return found
+            values[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
+    return values
 
 
 PARTICLES_HINT = "particles of one object need a column weight"
 
-DETECTIONS_ALONE = "every id is -1: these are detections, and TGOSPA compares tracks"
+ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
@@ -633,7 +633,7 @@ NEARLY_ALL = 0.9
 
 def only_detections(name: str) -> str:
     """Message for a file whose only id is -1."""
-    return f"{name}: {DETECTIONS_ALONE}; give a single track another id"
+    return f"{name}: {ONLY_DETECTIONS}; give a single track another id"
 
 
 def refusal(
@@ -660,7 +660,7 @@ def refusal(
     first = int(taken[np.searchsorted(key[taken], key[row])])
     where, roles = rows.where, rows.roles
     message = (
-        f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
+        f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} was given before, "
         f"{where(first)}{more(len(again))}; "
     )
     cause = _cause(taken, again, rows, columns)
@@ -691,7 +691,7 @@ def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):
-        return DETECTIONS_ALONE
+        return ONLY_DETECTIONS
     repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
     if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
         (name,) = repeated

@@ -59,10 +59,10 @@ class TimeForm:
     role: str = "truth"
 
     def __post_init__(self) -> None:
-        asked = f"{option(f'{self.role}_time_format')} {quoted(self.format)}"
+        shown = f"{option(f'{self.role}_time_format')} {quoted(self.format)}"
         if self.format and "%" not in self.format and self.format not in (*EPOCHS, GPS):
             raise ConfigError(
-                f"{asked}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
+                f"{shown}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
                 f"since 1970, or {GPS} for weeks and seconds"
             )
         if self.zone:
@@ -89,16 +89,16 @@ class TimeForm:
         if "%" in self.format:
             return self._formatted(column)
         parse = _gps if self.format == GPS else self._since_1970
-        found, wrong = [], None
+        nanoseconds, wrong = [], None
         for code, text in enumerate(column.distinct):
             try:
-                found.append(parse(text))
+                nanoseconds.append(parse(text))
             except (ValueError, InvalidOperation, OverflowError):
                 wrong = code if wrong is None else wrong
-                found.append(0)
+                nanoseconds.append(0)
         if wrong is not None:
             raise self._misfit(column, np.isin(column.code, wrong))
-        return _in_utc(column.code, np.array(found, np.int64))
+        return _in_utc(column.code, np.array(nanoseconds, np.int64))
 
     def _since_1970(self, text: str) -> int:
         exact = Decimal(text.strip()) * TIME_UNITS[self.format]
@@ -164,8 +164,8 @@ class TimeForm:
                 f"{text} is twice or never in {self.zone}, as clocks are changed"
                 f"{more(int(np.count_nonzero(missing[code])))}; write UTC, or times with a zone",
             )
-        found = known.dt.tz_convert("UTC").dt.tz_localize(None)
-        return _in_utc(code, found.to_numpy("datetime64[ns]").astype(np.int64))
+        utc = known.dt.tz_convert("UTC").dt.tz_localize(None)
+        return _in_utc(code, utc.to_numpy("datetime64[ns]").astype(np.int64))
 
 
 def _gps(text: str) -> int:
@@ -223,7 +223,7 @@ def carried(times: Times, begins: float, name: str) -> Times:
     return _in_words(code, distinct, times.clock)
 
 
-def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, str] | None:
+def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, str] | None:
     """The first row that begins a day anew, and what to do; None where none seems to.
 
     Such a row is earlier than the one before of its track by more than half a day, in the order of
@@ -233,12 +233,12 @@ def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, s
     ----------
     times : Times
         Of all rows.
-    moments : array
+    stamps : array
         The distinct ones in order.
     track : (R,) int array
         Track of each row.
     """
-    ends = moments[0].item(), moments[-1].item()
+    ends = stamps[0].item(), stamps[-1].item()
     unit = 1 if times.clock == "number" else SECOND
     first = 0 if unit == 1 else NO_DATE
     day = _day_of(float(ends[1])) if unit == 1 else DAY * SECOND
@@ -251,12 +251,12 @@ def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, s
         return None
     if len(np.unique(track[back])) < len(back):
         return int(back.min()), "write the times with dates"
-    gap = int(np.argmax(np.diff(moments)))
-    low, high = ((float(moments[gap + k]) - first) / unit for k in (0, 1))
+    gap = int(np.argmax(np.diff(stamps)))
+    low, high = ((float(stamps[gap + k]) - first) / unit for k in (0, 1))
     noon = day / unit / 2
-    cut = noon if low < noon <= high else round((low + high) / 2)
-    way = f"{option('day_begins', plain(float(cut)))} makes times before that those of the next day"
-    return int(back.min()), way if low < cut <= high else "write the times with dates"
+    at = noon if low < noon <= high else round((low + high) / 2)
+    way = f"{option('day_begins', plain(float(at)))} makes times before that those of the next day"
+    return int(back.min()), way if low < at <= high else "write the times with dates"
 
 
 def _day_of(time: float) -> int:

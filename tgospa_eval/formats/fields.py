@@ -294,12 +294,12 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
     keys: list[int | float] = [t for t in times if not isinstance(t, str)]
     if texts:
         if keys:
-            told = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
-            raise TimeError(0, f"mixed kinds of time: {told}; write all alike")
+            examples = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
+            raise TimeError(0, f"mixed kinds of time: {examples}; write all alike")
         keys = parse_times(texts, floats).value.tolist()
     rank = {key: k for k, key in enumerate(sorted(set(keys)))}
-    found = np.array([rank[key] for key in keys], np.int64)
-    return np.split(found, np.cumsum([len(own) for own in series])[:-1])
+    ranks = np.array([rank[key] for key in keys], np.int64)
+    return np.split(ranks, np.cumsum([len(own) for own in series])[:-1])
 
 
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
@@ -368,11 +368,11 @@ def _reading_of(text: str) -> str:
             f"'{shown}' with {option('truth_time_format')} or {option('estimate_time_format')} "
             "reads times of day"
         )
-    found = DATE.fullmatch(text.strip())
-    if found is None:
+    date = DATE.fullmatch(text.strip())
+    if date is None:
         return ""
-    first, mark, second, year = int(found[1]), found[2], int(found[3]), found[4]
-    clock = f" %H:%M{':%S' if found[6] else ''}{'.%f' if found[7] else ''}" if found[5] else ""
+    first, mark, second, year = int(date[1]), date[2], int(date[3]), date[4]
+    clock = f" %H:%M{':%S' if date[6] else ''}{'.%f' if date[7] else ''}" if date[5] else ""
     ways = []
     for order, day, month in (("%d{0}%m{0}%Y", first, second), ("%m{0}%d{0}%Y", second, first)):
         if 1 <= month <= 12 and 1 <= day <= 31:

@@ -152,7 +152,7 @@ def frame_rows(
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
         attributes={column: attribute(column) for column in roles.texts},
         weight_fault=weight_fault,
-        apart=without_ids(ids),
+        excluded=without_ids(ids),
     )
 
 
@@ -260,13 +260,13 @@ def _texts(
     """The values of a column, which are of these types, as texts; blank where one is missing."""
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
-        code, found = np.arange(len(column)), column.tolist()
+        code, values = np.arange(len(column)), column.tolist()
     else:
         code, uniques = pd.factorize(column)
-        found = uniques.tolist()
-    missing = pd.isna(pd.Series(found, dtype=object)).tolist()
+        values = uniques.tolist()
+    missing = pd.isna(pd.Series(values, dtype=object)).tolist()
     names = []
-    for k, value in enumerate(found):
+    for k, value in enumerate(values):
         if not (missing[k] or isinstance(value, types)):
             raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
         names.append("" if missing[k] else text(value))

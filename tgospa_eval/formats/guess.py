@@ -12,7 +12,7 @@ from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
 
-ENDINGS = {
+FORMAT_OF_SUFFIX = {
     ".csv": "csv",
     ".tsv": "csv",
     ".parquet": "parquet",
@@ -91,7 +91,7 @@ def guess(path: str, data: bytes) -> str:
     """
     suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     ending = suffix[0] if suffix else ""
-    if ending not in ENDINGS and ending[1:] in FORMATS.outside:
+    if ending not in FORMAT_OF_SUFFIX and ending[1:] in FORMATS.outside:
         return ending[1:]
     for magic, format in MAGIC.items():
         if data.startswith(magic):
@@ -99,14 +99,14 @@ def guess(path: str, data: bytes) -> str:
             if format == "npz" and b"[Content_Types].xml" in data[:SCHEMA_BYTES]:
                 return "xlsx"
             return "argoverse" if format == "feather" and named else format
-    if ENDINGS.get(ending, "csv") != "csv":
-        return ENDINGS[ending]
+    if FORMAT_OF_SUFFIX.get(ending, "csv") != "csv":
+        return FORMAT_OF_SUFFIX[ending]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"
     known = next((name for name, begin in BEGINNINGS.items() if re.match(begin, head)), "")
-    if known or ending in ENDINGS:
-        return known or ENDINGS[ending]
+    if known or ending in FORMAT_OF_SUFFIX:
+        return known or FORMAT_OF_SUFFIX[ending]
     return _guess_text(head, is_whole=len(data) <= GUESSED_FROM)
 
 
@@ -143,11 +143,11 @@ def folder_format(path: str) -> str:
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
-    kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in ENDINGS}
+    kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in FORMAT_OF_SUFFIX}
     if kinds:
         tables = [file for file in files_of_folder(path) if file.endswith(TABLES)]
-        alone = len(tables) == len(os.listdir(path))
-        return PER_OBJECT if alone and all(map(_is_of_one_object, tables[:FILES_TRIED])) else ""
+        tabular = len(tables) == len(os.listdir(path))
+        return PER_OBJECT if tabular and all(map(_is_of_one_object, tables[:FILES_TRIED])) else ""
     for file in files_of_folder(path)[:FILES_TRIED]:
         lines = filter(str.strip, _beginning(file).splitlines()[:LINES_TRIED])
         rows = [line for line in lines if not _is_comment(line)]
@@ -187,8 +187,8 @@ def _is_of_one_object(path: str) -> bool:
     fields = re.split(r"[,;\t]", next(lines, ""))
     headers = Headers([field.strip(' "') for field in fields], {}, "", path)
     places = all(headers.places(name) for name in "xy") or all(map(headers.places, ("lat", "lon")))
-    others = any(re.search(HINTS["id"], name, re.IGNORECASE) for name in headers.names)
-    return places and bool(headers.places("t")) and not others
+    has_ids = any(re.search(HINTS["id"], name, re.IGNORECASE) for name in headers.names)
+    return places and bool(headers.places("t")) and not has_ids
 
 
 def _beginning(path: str) -> str:
@@ -238,7 +238,7 @@ def _is_visdrone(lines: Iterable[str]) -> bool:
     )
 
 
-LEAST_BOX = 2.0
+MIN_BOX = 2.0
 """Pixels of the sides of a box; of less are speeds and sizes in metres."""
 
 
@@ -252,7 +252,7 @@ def _is_motchallenge(lines: Iterable[str]) -> bool:
     if any(len(row) < MOT_SHORTEST for row in rows):
         return True  # whose reader says what is wrong
     whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows)
-    sized = sum(min(map(abs, row[4:6])) >= LEAST_BOX or row[4:6] == [-1, -1] for row in rows)
+    sized = sum(min(map(abs, row[4:6])) >= MIN_BOX or row[4:6] == [-1, -1] for row in rows)
     flagged = sum(
         len(row) not in (8, 9)
         or (row[6] <= 1 and row[7] == int(row[7]) and all(-1 <= one <= 1 for one in row[8:]))

@@ -57,10 +57,10 @@ def pattern_in(names: Sequence[str]) -> list[str]:
 
 def _common(texts: Sequence[str]) -> str:
     """What all texts begin with."""
-    least, most = min(texts, default=""), max(texts, default="")
-    pairs = enumerate(zip(least, most, strict=False))
-    end = next((k for k, (a, b) in pairs if a != b), min(len(least), len(most)))
-    return least[:end]
+    first, last = min(texts, default=""), max(texts, default="")
+    pairs = enumerate(zip(first, last, strict=False))
+    end = next((k for k, (a, b) in pairs if a != b), min(len(first), len(last)))
+    return first[:end]
 
 
 WEIGHT = "weight"
@@ -99,13 +99,13 @@ def columns_of_each(
         `alike`.
     """
     maps, wanted = parse_columns(shared)
-    found = [parse_columns(items) for items in own]
+    parsed = [parse_columns(items) for items in own]
     # Of a table without a header, and of coordinates of another kind, they are its own.
     placed = [not alike or "t" in (items or ()) for items in own]
-    each = zip(found, placed, strict=True)
-    named = wanted or next((states for (_, states), alone in each if states and not alone), ())
+    each = zip(parsed, placed, strict=True)
+    named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
     answer = []
-    for mapped, states in found:
+    for mapped, states in parsed:
         chosen = named if named and set(states) <= set(named) else states
         headers = maps | mapped
         # Names of states in order, the others in front.
@@ -320,12 +320,12 @@ class Headers:
             return self.spelt(self.mapped[name], name)
         taken = self.taken
         for alias in (name,) if plainly else FIRST_ALIASES.get(name, (name,)):
-            found = self.spelt(alias, name)
-            if found is not None and found not in taken:
-                return found
+            position = self.spelt(alias, name)
+            if position is not None and position not in taken:
+                return position
         return None if plainly else self._only(self.places(name), name)
 
-    def compared(self, name: str, asked_by: str) -> int:
+    def compared(self, name: str, keyword: str) -> int:
         """Position of a column that a filter compares, also one that is something else as well.
 
         Raises
@@ -336,9 +336,9 @@ class Headers:
         column = None if name in self.mapped else self.spelt(name, name)
         column = self.find(name) if column is None else column
         if column is None:
-            way = f"; {self.way_of_one_side}" if asked_by == option("where") else ""
+            way = f"; {self.way_of_one_side}" if keyword == option("where") else ""
             raise InputError(
-                f"{self.where}: no column {quoted(name)} for {asked_by} (found: {self.shown}); "
+                f"{self.where}: no column {quoted(name)} for {keyword} (found: {self.shown}); "
                 f"name one of these{way}"
             )
         return column
@@ -360,16 +360,16 @@ class Headers:
         """A notice if unused headers may be a column as well as the one taken by an alias."""
         if name in self.mapped or self.spelt(name, name) is not None:
             return
-        found = self.find(name)
-        others = [self.names[k] for k in self.places(name) if k != found]
-        others = [header for header in others if header in unused]
+        position = self.find(name)
+        candidates = [self.names[k] for k in self.places(name) if k != position]
+        candidates = [header for header in candidates if header in unused]
         stamp = two_parts_of_a_stamp(unused) if name == "t" else None
         if stamp is not None:
-            others = ["+".join(stamp)]
-        if found is not None and others:
-            passed = " or ".join(map(quoted, others))
-            remedy = ask(self.option, [f"{name}={others[0]}"])
-            taken = quoted(self.names[found])
+            candidates = ["+".join(stamp)]
+        if position is not None and candidates:
+            passed = " or ".join(map(quoted, candidates))
+            remedy = ask(self.option, [f"{name}={candidates[0]}"])
+            taken = quoted(self.names[position])
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
@@ -409,25 +409,25 @@ class Headers:
             if k not in used and name.isprintable() and "," not in name
         ]
         free = [name for name in free if not re.search(NO_HINT, name, re.IGNORECASE)]
-        found: dict[str, str] = {}
+        guesses: dict[str, str] = {}
         for name, hint in HINTS.items():
-            meant = [header for header in free if re.search(hint, header, re.IGNORECASE)]
-            meant.sort(key=lambda header: GROUP.fullmatch(header) is not None)
-            if name in wanted and meant:
-                found[name] = meant[0]
+            candidates = [header for header in free if re.search(hint, header, re.IGNORECASE)]
+            candidates.sort(key=lambda header: GROUP.fullmatch(header) is not None)
+            if name in wanted and candidates:
+                guesses[name] = candidates[0]
         pairs = (
             {"x": header, "y": header.replace(one, two)}
             for one, two in AXIS_PAIRS
             for header in free
             if one in header and header.replace(one, two) in free
         )
-        return found | next(pairs, {}) if "position" in wanted else found
+        return guesses | next(pairs, {}) if "position" in wanted else guesses
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
     """Two of these headers that are one stamp, as secs and nsecs."""
     words = {name: words_of(name) for name in names}
-    whole = {tuple(found[:-1]): name for name, found in words.items() if found[-1] in SECONDS}
+    whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
         first = whole.get(tuple(stem))
         if unit in FRACTIONS and first is not None:
@@ -508,15 +508,15 @@ def absent(
     states: dict[str, Mix | None],
 ) -> str:
     """The message about columns that are missing, with what to type."""
-    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    missing = [name for name, place in zip(("id", "t"), needed, strict=True) if place is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
-    found = headers.guess(missing, used)
-    if "position" in missing and "x" not in found:
-        found |= {"x": "HEADER", "y": "HEADER"}
-    named = {name: found.get(name, "HEADER") for name in missing if name != "position"} | found
+    guesses = headers.guess(missing, used)
+    if "position" in missing and "x" not in guesses:
+        guesses |= {"x": "HEADER", "y": "HEADER"}
+    named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
     # What the user has mapped stays so, and so does the choice of states.
     named |= headers.mapped
     if "id" in missing:

@@ -74,11 +74,11 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
             limits.append((free / GIGABYTE, "available"))
         if size > UNPACKED * file:
             limits.append((DEFAULT_GIGABYTES, "allowed"))
-    most, kind = min(limits, default=(math.inf, ""))
-    if size > most * GIGABYTE:
+    allowed, kind = min(limits, default=(math.inf, ""))
+    if size > allowed * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
-            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB"
+            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {allowed:.2g} GB"
             f"{more_memory()}"
         )
 
@@ -89,18 +89,18 @@ def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
     check_memory(path, TEXT * size, size, limit, f"{size:,} bytes of text")
 
 
-def most_bytes(limit: float | None, path: str) -> int:
+def max_bytes(limit: float | None, path: str) -> int:
     """Bytes that a file itself may have; what is available matters to the largest alone."""
     if limit == 0:
         return sys.maxsize - 1
     if limit is not None:
         return int(limit * GIGABYTE)
-    most = int(DEFAULT_GIGABYTES * GIGABYTE)
+    allowed = int(DEFAULT_GIGABYTES * GIGABYTE)
     with suppress(OSError, ValueError):  # whoever reads it will say so
-        found = os.stat(path)
-        if stat.S_ISREG(found.st_mode) and found.st_size <= MODEST:
-            return most
-    return max(most, available_memory() or 0)
+        status = os.stat(path)
+        if stat.S_ISREG(status.st_mode) and status.st_size <= MODEST:
+            return allowed
+    return max(allowed, available_memory() or 0)
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
@@ -109,7 +109,7 @@ ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 """How compressed files begin that are unpacked here."""
 
-PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
+PACKED_SUFFIXES = (".gz", ".gzip", ".zst", ".zstd")
 
 PACKED_FROM = 8
 """Bytes that tell how a file is compressed."""
@@ -120,14 +120,14 @@ def is_packed(data: bytes) -> bool:
     return data.startswith((GZIP_MAGIC, ZSTD_MAGIC))
 
 
-def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
+def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
     """The content of a file, of at most so many bytes if it is compressed.
 
     Parameters
     ----------
     data, path
         The file.
-    most : int
+    max_size : int
         Bytes that a compressed file may have unpacked: a small one can have any number.
 
     Raises
@@ -143,9 +143,9 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
     with _content(io.BytesIO(data), path) as stream:
         while piece := stream.read(CHUNK):
             size += len(piece)
-            if size > most:
+            if size > max_size:
                 raise InputError(
-                    f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB"
+                    f"{path}: {len(data):,} bytes that unpack to more than {max_size / 1e9:.2g} GB"
                     f"{more_memory()}"
                 )
             pieces.append(piece)
@@ -213,11 +213,11 @@ def reason_of(error: Exception) -> str:
 def plain_name(path: str) -> str:
     """The path without the ending of a compressed file, in lower case."""
     name = path.casefold()
-    ending = next((ending for ending in PACKED_ENDINGS if name.endswith(ending)), "")
+    ending = next((ending for ending in PACKED_SUFFIXES if name.endswith(ending)), "")
     return name.removesuffix(ending)
 
 
-def load(path: str, most: int = SETTINGS) -> bytes:
+def load(path: str, max_size: int = SETTINGS) -> bytes:
     """The bytes of a file, at most so many.
 
     Raises
@@ -233,12 +233,12 @@ def load(path: str, most: int = SETTINGS) -> bytes:
         if endless:
             raise InputError(f"{path}: is a device, not a file")
     try:
-        if most == SETTINGS:
+        if max_size == SETTINGS:
             return read_bytes(path, InputError)
         return read_bytes(
             path,
             InputError,
-            most,
+            max_size,
             f"allow more with {option('max_input', metavar='GB')}, or any with 0",
         )
     except MemoryError:
@@ -260,18 +260,18 @@ def _is_endless(path: str) -> bool:
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
     """The bytes of a file, unpacked, as many as `max_input` GB allow: texts shrink to a tenth."""
-    data = load(path, most_bytes(max_input, path))
+    data = load(path, max_bytes(max_input, path))
     if not is_packed(data):
         return data
-    return unpack(data, path, int(most_memory(len(data), max_input) / TEXT))
+    return unpack(data, path, int(max_memory(len(data), max_input) / TEXT))
 
 
-def most_memory(file: int, limit: float | None) -> float:
+def max_memory(file: int, limit: float | None) -> float:
     """Bytes that reading may take of a file of so many, with a limit as of `check_memory`."""
     if limit is not None:
         return limit * GIGABYTE or sys.maxsize / 2
-    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
-    return min(most, available_memory() or most)
+    allowed = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
+    return min(allowed, available_memory() or allowed)
 
 
 def check_parquet(kind: str = "Parquet", begin: str = "") -> None:

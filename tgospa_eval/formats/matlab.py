@@ -29,14 +29,14 @@ from tgospa_eval.common.files import reason
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.engines import DiedError, call_in_helper, limit_memory
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
+from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, kind_of, sized
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import (
     GIGABYTE,
     TABLE,
     check_memory,
+    max_memory,
     more_memory,
-    most_memory,
     unreadable,
 )
 from tgospa_eval.formats.options import ReadOptions
@@ -87,7 +87,7 @@ def _variables(data: bytes, room: Room) -> Variables:
     room(len(data), "arrays")
     order = "<" if data[126:128] == b"IM" else ">"
     header, at = data[:TEXT_HEADER], TEXT_HEADER
-    found: Variables = {}
+    variables: Variables = {}
     if len(data) < at:
         raise ValueError("it ends early")
     while at < len(data):
@@ -100,8 +100,8 @@ def _variables(data: bytes, room: Room) -> Variables:
             is_read = is_array or class_ in ("cell", "struct")
             cells = 0 if is_array else prod(sizes)
             read = partial(_read, header, element, kind == DEFLATED, name, cells, room)
-            found[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
-    return found
+            variables[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
+    return variables
 
 
 def _read(
@@ -124,12 +124,12 @@ def _file(header: bytes, element: bytes) -> Any:
 
 def _inflated(data: bytes, room: Room) -> bytes:
     """What is compressed, as far as there is room."""
-    inflate, found = zlib.decompressobj(), bytearray()
+    inflate, content = zlib.decompressobj(), bytearray()
     while data:
-        found += inflate.decompress(data, INFLATED_BYTES)
+        content += inflate.decompress(data, INFLATED_BYTES)
         data = inflate.unconsumed_tail
-        room(len(found), "arrays")
-    return bytes(found)
+        room(len(content), "arrays")
+    return bytes(content)
 
 
 def _value(item: Any) -> Value:
@@ -310,7 +310,7 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
 ITSELF = GIGABYTE / 4
 """Bytes that the process may take for itself."""
 
-MOST_INFLATED = 1032
+MAX_INFLATED = 1032
 """Times its own size that what is compressed may have unpacked."""
 
 
@@ -357,21 +357,21 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
     def room(size: int, what: str) -> None:
         check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
-    most = most_memory(len(data), limit)
+    max_bytes = max_memory(len(data), limit)
     if data.startswith(MAT_5):  # SciPy makes room for whatever damaged data claim
-        most = min(most, TABLE * MOST_INFLATED * len(data))
-    limit_memory(int(most + ITSELF))
+        max_bytes = min(max_bytes, TABLE * MAX_INFLATED * len(data))
+    limit_memory(int(max_bytes + ITSELF))
     try:
         if data.startswith(MAT_73):
-            with _variables_of_hdf5(path, data, room) as found:
-                yield _Sets(file, found)
+            with _variables_of_hdf5(path, data, room) as variables:
+                yield _Sets(file, variables)
         else:
             yield _Sets(file, _variables(data, room))
     except TgospaError:
         raise
     except MemoryError:
         raise InputError(
-            f"{path}: reading it takes more than {most / GIGABYTE:.2g} GB{more_memory()}"
+            f"{path}: reading it takes more than {max_bytes / GIGABYTE:.2g} GB{more_memory()}"
         ) from None
     except Exception as error:  # damaged files end in errors of many kinds
         raise unreadable(path, "MAT", error) from None
@@ -440,7 +440,7 @@ def _by_step(fields: Structure, name: str) -> Structure:
 
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
     """Names of variables that are states by their names, and by a third axis or times beside."""
-    kinds = {name: meant(name)[0] for name in sizes}
+    kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
     return [name for name in named if len(sizes[name]) > 2 or "t" in kinds.values()]
 
@@ -456,24 +456,24 @@ class _Sets:
         Its variables.
     """
 
-    def __init__(self, file: str, found: Variables) -> None:
-        self.file, self.found = file, found
-        self.value = cache(lambda name: found[name][1]())
-        self.arrays = {name: sizes for name, (sizes, _) in found.items() if sizes}
+    def __init__(self, file: str, variables: Variables) -> None:
+        self.file, self.variables = file, variables
+        self.value = cache(lambda name: variables[name][1]())
+        self.arrays = {name: sizes for name, (sizes, _) in variables.items() if sizes}
 
     @cached_property
     def there(self) -> dict[str, int]:
         """The variables that are sets: elements of a cell, 0 of a structure."""
-        counts = {name: self._count(name) for name in self.found if name not in self.arrays}
-        found = {name: count for name, count in counts.items() if count is not None}
-        return found or dict.fromkeys(_states(self.arrays)[:1], 0)
+        counts = {name: self._count(name) for name in self.variables if name not in self.arrays}
+        sets = {name: count for name, count in counts.items() if count is not None}
+        return sets or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
         """Elements of a cell that has a set, 0 of a set, or an array of states; None of others."""
         if name in self.arrays:
-            is_timed = any(meant(k)[0] == "t" for k in self.arrays)
+            is_timed = any(kind_of(k)[0] == "t" for k in self.arrays)
             return 0 if is_timed or len(self.arrays[name]) > 2 else None
-        value = self.value(name) if name in self.found else None
+        value = self.value(name) if name in self.variables else None
         if isinstance(value, list):
             return len(value) if any(_is_set(read()) for read in value) else None
         return 0 if _is_set(value) else None
@@ -487,17 +487,17 @@ class _Sets:
             An element of a cell is something else.
         """
         if name in self.arrays:
-            is_known = meant(name)[0] in ("x", "particles")
-            beside = [k for k in self.arrays if meant(k)[0] in (NAMES if is_known else ("t", "id"))]
-            own = {name if is_known else "x": self.value(name)}
+            known = kind_of(name)[0] in ("x", "particles")
+            beside = [k for k in self.arrays if kind_of(k)[0] in (NAMES if known else ("t", "id"))]
+            own = {name if known else "x": self.value(name)}
             return own | {k: self.value(k) for k in beside if k != name}
         variable, _, place = name.partition("{")
         value = self.value(variable)
         if isinstance(value, list):
             value = value[int(place[:-1]) - 1]()
         if isinstance(value, np.ndarray) and _is_set(value):
-            timed = {k: self.value(k) for k in self.arrays if meant(k)[0] == "t"}
-            return timed | {variable if meant(variable)[0] else "x": value}
+            timed = {k: self.value(k) for k in self.arrays if kind_of(k)[0] == "t"}
+            return timed | {variable if kind_of(variable)[0] else "x": value}
         if not isinstance(value, dict) or not _is_set(value):
             raise InputError(f"{self.file}: {name} is {NO_SET}")
         return _by_step(value, name) if isinstance(value.get(STATES), list) else value
@@ -510,27 +510,27 @@ class _Sets:
         InputError
             There is none of this name, or there are several and none is usual.
         """
-        asked = path[len(file) + 1 :]
-        if not asked:
+        key = path[len(file) + 1 :]
+        if not key:
             if not self.there:
-                inside = f"in it: {self._all()}" if self.found else "nothing else is in it"
+                inside = f"in it: {self._all()}" if self.variables else "nothing else is in it"
                 raise InputError(
                     f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
                     "lengths, xState the states (d, T, n)"
                 )
-            usual = next((k for k in VARIABLES[role] if k in self.there), VARIABLES[role][0])
-            asked = next(iter(self.there)) if len(self.there) == 1 else usual
-            if asked not in self.there:
+            default = next((k for k in VARIABLES[role] if k in self.there), VARIABLES[role][0])
+            key = next(iter(self.there)) if len(self.there) == 1 else default
+            if key not in self.there:
                 raise InputError(
                     f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say "
                     f"which, {path}:{self._firsts()[0]}"
                 )
-        parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", asked)
-        name, place = parts.groups() if parts else (asked, None)
+        parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", key)
+        name, place = parts.groups() if parts else (key, None)
         count = self._count(name)
         if count is None:
             there = self._listed() or f"none; in it: {self._all()}"
-            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
+            raise InputError(f"{path}: no set of trajectories {quoted(key)} (there are: {there})")
         if not count and place is None:
             return name
         if not count:
@@ -560,28 +560,28 @@ class _Sets:
         except InputError:
             return  # which is said when that side is read
         if name == other:
-            others = [run for run in self._firsts() if run != name] or [name]
+            rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
                 f"{self.file}: both sides are its variable {name}, compared with itself; in it: "
-                f"{listed(self.found)}; name both, {self.file}:{name} {self.file}:{others[0]}"
+                f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
         """What is not read, where nobody said what to read."""
-        usual = VARIABLES[role][0]
+        default = VARIABLES[role][0]
         if name in self.arrays:
             used = {name, *self.fields(name)}
-            others = [sized(k, self.arrays.get(k, ())) for k in self.found if k not in used]
-            if others:
-                yield f"variables not used: {listed(others)}"
+            unused = [sized(k, self.arrays.get(k, ())) for k in self.variables if k not in used]
+            if unused:
+                yield f"variables not used: {listed(unused)}"
         if path != self.file:
             return
         if len(self.there) > 1:
             other = next(run for run in self._firsts() if run != name)
             way = f"; {path}:{other} reads another" if is_named else ""
             yield f"variable {name} of {self._listed()}{way}"
-        elif usual in self.found and usual not in self.there:
-            yield f"variable {name}; {usual} is {NO_SET}"
+        elif default in self.variables and default not in self.there:
+            yield f"variable {name}; {default} is {NO_SET}"
 
     def _firsts(self) -> list[str]:
         """The sets, of cells the first element."""
@@ -589,7 +589,7 @@ class _Sets:
 
     def _all(self) -> str:
         """All variables, arrays with their sizes."""
-        return listed([sized(name, self.arrays.get(name, ())) for name in self.found])
+        return listed([sized(name, self.arrays.get(name, ())) for name in self.variables])
 
     def _listed(self) -> str:
         """The sets, cells from their first element to their last."""
@@ -606,7 +606,7 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
     for field, values in fields.items():
         if isinstance(values, np.ndarray):
             arrays[field] = values
-        elif field in TRAJECTORY_FIELDS or meant(field)[0]:
+        elif field in TRAJECTORY_FIELDS or kind_of(field)[0]:
             raise InputError(
                 f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )

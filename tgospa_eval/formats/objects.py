@@ -23,7 +23,7 @@ from tgospa_eval.formats.arrays import (
     all_compared,
     array_rows,
     components,
-    meant,
+    kind_of,
     spread_columns,
 )
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
@@ -265,11 +265,11 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
     """Sides without any track have the columns of the other, or those that are prescribed."""
-    found = tuple(side for side in sides if side is not None)
-    if len(found) == len(sides):
-        return found
-    if found:
-        there = found[0].trajectories
+    given = tuple(side for side in sides if side is not None)
+    if len(given) == len(sides):
+        return given
+    if given:
+        there = given[0].trajectories
     else:
         there = Trajectories.from_array(np.zeros((0, 0, len(columns or "xy"))))
     nothing = Trajectories.of_times(there.times[:0], there.columns, there.clock)
@@ -382,7 +382,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
             sorted(range(len(letters)), key=lambda k: "TnNd".index(letters[k]))
         )
         kind = ARRAY_OF_AXES.get("".join(sorted(letters)), "")
-        if not kind and meant(str(key))[0] == "weights":
+        if not kind and kind_of(str(key))[0] == "weights":
             kind = "weights"
         if kind in arrays:
             raise InputError(
@@ -452,14 +452,14 @@ def _counts_steps(side: object) -> bool:
     """Whether its times are only numbers of steps."""
     if isinstance(side, Mapping):
         is_timed = any(isinstance(value, tuple) for value in side.values())
-        return not (is_timed or (is_variables(side) and any(meant(k)[0] == "t" for k in side)))
+        return not (is_timed or (is_variables(side) and any(kind_of(k)[0] == "t" for k in side)))
     return hasattr(side, "__array__") and as_frame(side, "") is None
 
 
 def is_variables(side: object) -> bool:
     """Whether it is a mapping from names to arrays by step and track."""
     return isinstance(side, Mapping) and any(
-        isinstance(key, str) and meant(key)[0] in ("x", "particles") and np.ndim(value) > 2
+        isinstance(key, str) and kind_of(key)[0] in ("x", "particles") and np.ndim(value) > 2
         for key, value in side.items()
         if hasattr(value, "ndim")
     )
@@ -648,7 +648,7 @@ def of_mapping(
         raise InputError(
             f"{name}: some tracks are pairs of times and states, others are not; all or none"
         )
-    moments: list[object] = []
+    timestamps: list[object] = []
     states: list[Floats] = []
     for key, value in tracks.items():
         where = f"{name}, track {quoted(key)}"
@@ -661,18 +661,18 @@ def of_mapping(
         own = _listed(value[0], where)
         if len(own) != len(states[-1]):
             raise InputError(f"{where}: {len(own)} times and {len(states[-1])} states")
-        moments += own
+        timestamps += own
     first = states[0]
-    for key, found in zip(tracks, states, strict=True):
-        if found.shape[1] != first.shape[1] or (timed == {False} and len(found) != len(first)):
+    for key, array in zip(tracks, states, strict=True):
+        if array.shape[1] != first.shape[1] or (timed == {False} and len(array) != len(first)):
             raise InputError(
                 f"{name}: track {quoted(next(iter(tracks)))} has the shape {first.shape}, track "
-                f"{quoted(key)} {found.shape}: arrays (T, d) have the same d and, unless they are "
+                f"{quoted(key)} {array.shape}: arrays (T, d) have the same d and, unless they are "
                 "pairs of times and states, the same T; NaN where a track is absent"
             )
     steps = np.tile(np.arange(len(first)), len(states))
-    times = times_of(moments if timed == {True} else steps, name)
-    track = np.repeat(np.arange(len(states)), [len(found) for found in states])
+    times = times_of(timestamps if timed == {True} else steps, name)
+    track = np.repeat(np.arange(len(states)), [len(array) for array in states])
     at = np.arange(len(track)), track
     return from_rows(name, list(tracks), at, np.concatenate(states), times, columns)
 
@@ -718,7 +718,7 @@ def from_rows(
     if len(table) < len(ids):
         twice = next(text for k, text in enumerate(table) if (number == k).sum() > 1)
         raise InputError(f"{name}: two tracks have the id {quoted(twice)}")
-    moments, of_stamp = np.unique(times.value, return_inverse=True)
+    timestamps, of_stamp = np.unique(times.value, return_inverse=True)
     step, track = of_stamp[at[0]], number[at[1]]
     order = np.lexsort((track, step))
     again = np.flatnonzero((np.diff(step[order]) == 0) & (np.diff(track[order]) == 0))
@@ -739,7 +739,7 @@ def from_rows(
         track=track[kept],
         state=states[kept],
         ids=table,
-        times=np.arange(len(moments)),
+        times=np.arange(len(timestamps)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
         covariance=None if covariance is None else covariance[kept],
         clouds=None if clouds is None else clouds.chosen(kept),
@@ -750,26 +750,26 @@ def from_rows(
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
     """The same steps at these times, which may repeat."""
     labels = None
-    moments, step = np.unique(times.value, return_inverse=True)
+    timestamps, step = np.unique(times.value, return_inverse=True)
     if times.text is not None:
-        labels = np.empty(len(moments), dtype=object)
+        labels = np.empty(len(timestamps), dtype=object)
         labels[step[::-1]] = np.array(times.text, dtype=object)[::-1]
-    return replace(made, times=cast("TimeArray", moments), clock=times.clock, labels=labels)
+    return replace(made, times=cast("TimeArray", timestamps), clock=times.clock, labels=labels)
 
 
-def _listed(moments: object, where: str) -> Sequence[Any]:
+def _listed(timestamps: object, where: str) -> Sequence[Any]:
     """Times one by one."""
-    if isinstance(moments, (list, tuple)):
-        return moments
-    if hasattr(moments, "tolist") and not hasattr(moments, "dtype"):
-        return list(moments.tolist())
-    array = array_of(moments, f"{where}: times")
+    if isinstance(timestamps, (list, tuple)):
+        return timestamps
+    if hasattr(timestamps, "tolist") and not hasattr(timestamps, "dtype"):
+        return list(timestamps.tolist())
+    array = array_of(timestamps, f"{where}: times")
     if array.ndim != 1:
         raise InputError(f"{where}: times of shape {array.shape}; must be (T,)")
     return list(array)
 
 
-def times_of(moments: object, name: str) -> "Times":
+def times_of(values: object, name: str) -> "Times":
     """Numbers, datetimes or ISO texts as times.
 
     Raises
@@ -781,7 +781,7 @@ def times_of(moments: object, name: str) -> "Times":
 
     from tgospa_eval.formats.frames import frame_times
 
-    given = moments if isinstance(moments, (list, tuple)) else array_of(moments, f"{name}: times")
+    given = values if isinstance(values, (list, tuple)) else array_of(values, f"{name}: times")
     if np.ndim(given) != 1:
         raise InputError(f"{name}: times of shape {np.shape(given)}; must be (T,)")
     kind = None if len(given) else np.int64
@@ -790,11 +790,11 @@ def times_of(moments: object, name: str) -> "Times":
 
 def _states(value: object, where: str) -> Floats:
     """States of one track (T, d)."""
-    found = array_of(value, where)
-    if found.ndim != 2 or not found.shape[1]:
-        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
-        raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
-    return numbers_of(found, where)
+    array = array_of(value, where)
+    if array.ndim != 2 or not array.shape[1]:
+        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if array.ndim == 1 else ""
+        raise InputError(f"{where}: shape {array.shape}; states have the axes (T, d){hint}")
+    return numbers_of(array, where)
 
 
 def numbers_of(value: object, where: str) -> Floats:
@@ -971,13 +971,13 @@ def _read_file(
         chosen, reader = "wide", None
     if reader is None:
         reader = FORMATS.ours(chosen) if chosen in FORMATS.own else FORMATS[chosen]
-    held = [data]  # given up before rows are assembled, and read again where that is needed
+    contents = [data]  # given up before rows are assembled, and read again where that is needed
     del data
 
     def read_by(options: ReadOptions) -> Reading:
-        content = held.pop() if held else load_content()
+        content = contents.pop() if contents else load_content()
         if not os.path.exists(file) or not is_regular(file):
-            held.append(content)  # a pipe has its content once
+            contents.append(content)  # a pipe has its content once
         with FORMATS.blamed(chosen, InputError, f"{name}: "):
             rows = reader(name, content, options, role, given=format is not None)
             if not isinstance(rows, Rows):

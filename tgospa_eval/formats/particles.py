@@ -63,29 +63,29 @@ class Particles:
                 f"{LARGEST_COORDINATE:g}{more(len(far))}; use another unit"
             )
         begin = np.flatnonzero(np.diff(ordered, prepend=-1))
-        found = Clouds(
+        clouds = Clouds(
             points=state.take(taken, axis=0),
             weights=self.weights[taken],
             first=np.append(begin, len(taken)),
         )
-        return found, taken[begin], ordered[begin]
+        return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
         """What the user should know; `compared`: whether particles enter the distance."""
-        found = []
+        texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
             many = "clouds of {} particles are compared by their means"
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
-            found.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
+            texts.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
         if self.uneven:
             have = counted(self.uneven, "cloud has", "clouds have")
-            found.append(
+            texts.append(
                 f"{have} weights that do not sum to 1 (the farthest to {self.worst:g}): normalised"
             )
         if self.idle:
-            found.append(f"{counted(self.idle, 'particle')} of weight 0 left out")
-        return found
+            texts.append(f"{counted(self.idle, 'particle')} of weight 0 left out")
+        return texts
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
@@ -144,4 +144,4 @@ def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | No
 
 
 def _name(rows: Rows, row: int) -> str:
-    return f"id {rows.called(row)}, t {rows.moment(row)}"
+    return f"id {rows.quoted_id(row)}, t {rows.moment(row)}"

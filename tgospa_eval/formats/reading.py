@@ -180,8 +180,8 @@ class Reading:
     @property
     def record(self) -> dict[str, Any]:
         """What a result records of the file."""
-        found = {"rows": self.rows, "left_out": self.left_out}
-        return found | ({"format": self.format} if self.format else {})
+        counts = {"rows": self.rows, "left_out": self.left_out}
+        return counts | ({"format": self.format} if self.format else {})
 
     @property
     def taken(self) -> int:
@@ -331,7 +331,7 @@ def with_heights(
                 flat = there[0], replace(there[1], notices=(*there[1].notices, text))
                 return list(flat)
             one = high
-            text = told_heights(there[k].height, own)
+            text = heights_notice(there[k].height, own)
             answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
         elif one.height:
             text = left_out_heights(one.height, names[1 - k])
@@ -375,7 +375,7 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         )
 
 
-def told_heights(header: str, options: ReadOptions) -> str:
+def heights_notice(header: str, options: ReadOptions) -> str:
     """A notice about heights that are compared."""
     return (
         f"heights are compared ({header}); "
@@ -412,16 +412,16 @@ def check_classes(
     ConfigError
         There is none of one, or it is not clear which is meant.
     """
-    asked = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
+    requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
         if options.classes != classes:
             own = options.classes or ()
-            asked += [(option(f"{role}_class"), name, (side,), f" of {path}") for name in own]
-    for way, name, those, of in asked:
+            requested += [(option(f"{role}_class"), name, (side,), f" of {path}") for name in own]
+    for way, name, those, of in requested:
         alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
-        mixed = any(len(found) > 1 for found in alike)
-        for side, found in zip(those, alike, strict=True):
-            if found and name not in found and (mixed or not side.has_class(name)):
+        mixed = any(len(names) > 1 for names in alike)
+        for side, names in zip(those, alike, strict=True):
+            if names and name not in names and (mixed or not side.has_class(name)):
                 shown = " and ".join(map(quoted, sorted(set().union(*alike))))
                 raise ConfigError(
                     f"{way} {quoted(name)}: there is {shown}; write it as in the files, by "

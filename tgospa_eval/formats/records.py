@@ -20,7 +20,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.guess import SAMPLES, foreign, is_table_folder
 from tgospa_eval.formats.headers import BOX, Headers
-from tgospa_eval.formats.loading import TABLE, check_memory, load, most_bytes, unpack, unreadable
+from tgospa_eval.formats.loading import TABLE, check_memory, load, max_bytes, unpack, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
@@ -31,7 +31,7 @@ Record = dict[str, Any]
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
 """Keys of images that number the frames of a video."""
 
-MOST_LEVELS = 4
+MAX_LEVELS = 4
 """Levels of records that become columns."""
 
 
@@ -58,7 +58,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         raise InputError(f"{path}: {foreign('{')}")
     if is_coco or (records and {"image_id", "bbox"} <= records[0].keys()):
         records = _of_coco(path, records, document if is_coco else _beside(path, options), options)
-    table = pd.json_normalize(_unnested(records), max_level=MOST_LEVELS)
+    table = pd.json_normalize(_unnested(records), max_level=MAX_LEVELS)
     for name in list(table):
         values = table[name].tolist()
         if all(isinstance(v, list) and len(v) == len(values[0]) for v in values):
@@ -108,13 +108,13 @@ def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
     """The file of the other side, if it has the images that results are of."""
     for other in options.beside:
         if other != path and os.path.isfile(other):
-            most = most_bytes(options.max_input, other)
-            data = unpack(load(other, most), other, most)
+            limit = max_bytes(options.max_input, other)
+            data = unpack(load(other, limit), other, limit)
             if data.lstrip().startswith(b"{"):
                 document = load_json(other, data, options)
                 if "images" in document:
-                    found: Mapping[str, Any] = document
-                    return found
+                    images: Mapping[str, Any] = document
+                    return images
     raise InputError(
         f"{path}: results of COCO, which name images by number; evaluate them against the file "
         "with the images, or write a column t"
@@ -229,7 +229,7 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
     if os.path.isfile(os.path.join(folder, "scene.json")):
         names = {row["token"]: row["name"] for row in table(folder, "scene", options, "name")}
     path = os.path.join(folder, SAMPLES)
-    found: dict[str, tuple[int, str]] = {}
+    samples: dict[str, tuple[int, str]] = {}
     for k, row in enumerate(table(folder, "sample", options, "scene_token"), start=1):
         stamp = row.get("timestamp")
         if isinstance(stamp, bool) or not isinstance(stamp, int) or abs(stamp) >= 2**63:
@@ -237,8 +237,8 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
                 f"{path}, row {k}: timestamp is {quoted(stamp)}; it must be whole microseconds"
             )
         scene: str = row["scene_token"]
-        found[row["token"]] = stamp, names.get(scene, scene)
-    return found
+        samples[row["token"]] = stamp, names.get(scene, scene)
+    return samples
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
@@ -250,7 +250,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
         The file is missing, or no such table.
     """
     path = os.path.join(folder, f"{name}.json")
-    rows = load_json(path, load(path, most_bytes(options.max_input, path)), options)
+    rows = load_json(path, load(path, max_bytes(options.max_input, path)), options)
     if not isinstance(rows, list):
         raise InputError(f"{path}: no table of nuScenes, which is a list of records")
     for k, row in enumerate(rows, start=1):
@@ -324,7 +324,7 @@ class _Object(NamedTuple):
     id: str = ""
     klass: str = ""
     numbers: tuple[float, ...] = (np.nan,) * len(NUMERIC_COLUMNS)
-    apart: str = ""
+    reason: str = ""
 
 
 def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -337,13 +337,13 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
     """
     if os.path.isdir(path):
         samples = read_samples(path, options)
-        found = list(_annotations(path, samples, options))
+        objects = list(_annotations(path, samples, options))
     else:
         results = _results(path, data, options)
         folder = _folder_for(path, options)
         samples = read_samples(folder, options)
-        found = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
-    return _rows(path, found, samples, options)
+        objects = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
+    return _rows(path, objects, samples, options)
 
 
 def _folder_for(path: str, options: ReadOptions) -> str:
@@ -378,7 +378,7 @@ def _tracks(
 ) -> Iterator[_Object]:
     """Objects of results, and samples that have none."""
     scenes: dict[str, set[str]] = {}
-    found: list[_Object] = []
+    tracked: list[_Object] = []
     for token, objects in results.items():
         if token not in samples:
             raise InputError(
@@ -388,7 +388,7 @@ def _tracks(
         if not isinstance(objects, list):
             raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
         if not objects:
-            found.append(_Object(token, apart=NO_OBJECT))
+            tracked.append(_Object(token, reason=NO_OBJECT))
         scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
@@ -402,8 +402,8 @@ def _tracks(
                 place = _Object(token, k)
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
-            found.append(_Object(token, k, name, klass, numbers))
-    for item in found:  # an id is one track in each scene
+            tracked.append(_Object(token, k, name, klass, numbers))
+    for item in tracked:  # an id is one track in each scene
         several = len(scenes.get(item.id, ())) > 1
         yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 
@@ -430,12 +430,12 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
             raise InputError(f"{_where(path, _Object(sample, k))}: {error}") from None
         empty.pop(sample, None)
         klass = TRACKED.get(kinds[name], kinds[name])
-        apart = "" if klass in tracked else NOT_TRACKED
-        if not apart and item.get("num_lidar_pts") == item.get("num_radar_pts") == 0:
-            apart = NO_POINTS
-        yield _Object(sample, k, name, klass, numbers, apart)
+        reason = "" if klass in tracked else NOT_TRACKED
+        if not reason and item.get("num_lidar_pts") == item.get("num_radar_pts") == 0:
+            reason = NO_POINTS
+        yield _Object(sample, k, name, klass, numbers, reason)
     for sample in empty:
-        yield _Object(sample, apart=NO_OBJECT)
+        yield _Object(sample, reason=NO_OBJECT)
 
 
 def _where(path: str, item: _Object) -> str:
@@ -478,28 +478,28 @@ def _finite(item: Mapping[str, Any], key: str, values: list[Any]) -> list[float]
     return values
 
 
-def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOptions) -> Rows:
+def _rows(path: str, objects: Sequence[_Object], samples: Samples, options: ReadOptions) -> Rows:
     """The rows of objects, in the order of the file."""
-    asked = options
+    reading = options
     if options.columns is None and not options.boxes:
-        asked = replace(options, columns=PLACE[:2])
-    roles = replace(find_roles(NUSCENES_COLUMNS, asked, path, fixed=True), unused=())
+        reading = replace(options, columns=PLACE[:2])
+    roles = replace(find_roles(NUSCENES_COLUMNS, reading, path, fixed=True), unused=())
     # Of a sample without an object: names that are there already, so that none is new.
-    named = [item for item in found if item.apart is not NO_OBJECT]
+    named = [item for item in objects if item.reason is not NO_OBJECT]
     first = named[0] if named else _Object("")
-    values = np.array([item.numbers for item in found]).reshape(-1, len(NUMERIC_COLUMNS))
-    classes = number_ids([item.klass or first.klass for item in found])
+    values = np.array([item.numbers for item in objects]).reshape(-1, len(NUMERIC_COLUMNS))
+    classes = number_ids([item.klass or first.klass for item in objects])
     rules = {"no object": NO_OBJECT, "not tracked": NOT_TRACKED, "no points": NO_POINTS}
     return rows_by_components(
         lambda column: np.asarray(values[:, column - 3]),
-        [samples[item.sample][0] for item in found],
+        [samples[item.sample][0] for item in objects],
         roles,
         name=path,
-        ids=number_ids([item.id or first.id for item in found]),
-        where=lambda row: _where(path, found[row]),
+        ids=number_ids([item.id or first.id for item in objects]),
+        where=lambda row: _where(path, objects[row]),
         classes=None if roles.klass is None else classes,
-        apart={
-            rule: (np.array([item.apart == text for item in found], bool), text)
+        excluded={
+            rule: (np.array([item.reason == text for item in objects], bool), text)
             for rule, text in rules.items()
         },
     )

@@ -139,9 +139,9 @@ class Roles:
     @property
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes and filters that are nothing else, and are read as texts."""
-        others = {self.id, self.time, self.klass, *self.numbers}
-        asked = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
-        return tuple(sorted(asked - others))
+        known = {self.id, self.time, self.klass, *self.numbers}
+        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
+        return tuple(sorted(wanted - known))
 
     @property
     def used(self) -> list[int]:
@@ -157,10 +157,10 @@ class Roles:
         )
 
     @property
-    def called(self) -> dict[str, str]:
+    def renamed(self) -> dict[str, str]:
         """Headers of ids, times and states that bear another name; none of a format without."""
-        found = self._headers()
-        return {name: header for name, header in found.items() if header.casefold() != name}
+        headers = self._headers()
+        return {name: header for name, header in headers.items() if header.casefold() != name}
 
     def _headers(self) -> dict[str, str]:
         """Headers of ids, times and the states that are columns, by name."""
@@ -183,7 +183,7 @@ class Roles:
                     f"{option('columns')}"
                 )
         yield from self.passed
-        asked = self.options.covariance and not self.options.clouds
+        wants_covariance = self.options.covariance and not self.options.clouds
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -192,7 +192,7 @@ class Roles:
         if unused:
             folded = {name.casefold() for name in unused}
             way = ""
-            if not (asked or clouds) and any(map(SPREAD.fullmatch, folded)):
+            if not (wants_covariance or clouds) and any(map(SPREAD.fullmatch, folded)):
                 way = (
                     f"; {option('distance', 'gaussian-wasserstein')} compares covariances; see "
                     f"also {option('with_', 'nees')}"
@@ -202,11 +202,11 @@ class Roles:
             yield f"columns not used: {listed(unused)}{way}"
         if self.spread is not None and not clouds:
             read = [self.headers[column] for column in self.spread.columns]
-            others = [n for n in read if n.casefold().startswith(("var_", "sigma_"))]
-            if self.spread.is_unusual or others:
+            deviations = [n for n in read if n.casefold().startswith(("var_", "sigma_"))]
+            if self.spread.is_unusual or deviations:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
-        if asked and self.spread is None and not clouds:
+        if wants_covariance and self.spread is None and not clouds:
             from tgospa_eval.formats.spread import entries  # lazy: most states are points
 
             labels = [label for _, _, label in entries(self.names)]
@@ -288,10 +288,10 @@ def find_roles(
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
     wanted, height = _with_height(headers, options, wanted)
-    found = {name: mixes.of(name, wanted) for name in wanted}
-    state = tuple(mix for mix in found.values() if mix is not None)
+    by_name = {name: mixes.of(name, wanted) for name in wanted}
+    state = tuple(mix for mix in by_name.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
-        fault = absent(headers, (identity, time), found)
+        fault = absent(headers, (identity, time), by_name)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
@@ -406,9 +406,9 @@ def _second_of_times(headers: Headers) -> int | None:
     first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
         return None
-    found = headers.spelt(second, "t")
-    headers.mapped["t"] = second if found is None else first  # what is missing is said of it
-    return found
+    position = headers.spelt(second, "t")
+    headers.mapped["t"] = second if position is None else first  # what is missing is said of it
+    return position
 
 
 class _Mixes:
@@ -458,15 +458,15 @@ class _Mixes:
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
         """A quantity, beside these states: in space x is a place, not the centre of a box."""
-        found = self.plainly(name)
+        column = self.plainly(name)
         if name in ("x", "y") and name not in self.headers.mapped and "z" not in states:
             mapped = not self.headers.mapped.keys().isdisjoint(EDGES)
-            found = None if mapped and name in self.box else found
-        if found is None and name in ("x", "y", "z") and "z" in states:
-            found = self.headers.find(f"loc_{name}")
-        if found is None and name not in self.plain_box:
-            found = self.headers.find(name)
-        return self.box.get(name) if found is None else ((found, 1.0),)
+            column = None if mapped and name in self.box else column
+        if column is None and name in ("x", "y", "z") and "z" in states:
+            column = self.headers.find(f"loc_{name}")
+        if column is None and name not in self.plain_box:
+            column = self.headers.find(name)
+        return self.box.get(name) if column is None else ((column, 1.0),)
 
     def of_region(self, name: str, states: Sequence[str]) -> Mix:
         """A quantity that the filter by region looks at."""
@@ -509,8 +509,8 @@ def _class_column(
     if klass is None:
         way = options.class_for or option("by", "class")
         way = way if options.classes is None else option("class_")
-        meant = (name for name in headers.names if re.search("class|categor|type", name, re.I))
-        mapped = f"class={next(meant, 'HEADER')}"
+        candidates = (name for name in headers.names if re.search("class|categor|type", name, re.I))
+        mapped = f"class={next(candidates, 'HEADER')}"
         remedy = f"add it, or map it with {ask(headers.option, [mapped])}"
         fault = (
             f"{headers.where}: no column class for {way} (found: {headers.shown}); "
@@ -625,12 +625,12 @@ def _check_names(names: list[str], where: str, keyword: str) -> None:
     """Whether these are the headers of columns that are distinct."""
     if are_numbers(names):
         raise InputError(without_header(names, keyword, where))
-    seen: set[str] = set()
+    earlier: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:
             raise InputError(
                 f"{where}: column {k} has no name in the header; name it, also if unused"
             )
-        if name in seen:
+        if name in earlier:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
-        seen.add(name)
+        earlier.add(name)

@@ -50,7 +50,7 @@ class Rows:
         The columns `Roles.texts`.
     weight_fault : str, optional
         What is wrong with the texts of the weights, for those who need them.
-    apart : dict of str to (R,) bool array and str
+    excluded : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and the message about them.
     warnings : tuple of Notice
         What looks wrong with them.
@@ -67,7 +67,7 @@ class Rows:
     classes: Numbered | None = None
     attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
-    apart: dict[str, tuple[Mask, str]] = field(default_factory=dict)
+    excluded: dict[str, tuple[Mask, str]] = field(default_factory=dict)
     warnings: tuple[Notice, ...] = ()
     read_as: Callable[[float], str | float] | None = None
 
@@ -76,7 +76,7 @@ class Rows:
         """Whether these are all rows of a side."""
         return self.read_as is None
 
-    def called(self, row: int) -> str:
+    def quoted_id(self, row: int) -> str:
         """Id of a row, for messages."""
         return quoted(self.ids[0][self.ids[1][row]])
 
@@ -106,9 +106,9 @@ def rows_by_components(
 
 def number_ids(ids: Sequence[str]) -> Numbered:
     """Distinct ids in natural order (2 before 10), and the number of each row's."""
-    seen: dict[str, int] = {}
-    number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
-    names = np.array([*seen], dtype=object)
+    numbering: dict[str, int] = {}
+    number = np.array([numbering.setdefault(text, len(numbering)) for text in ids], np.int64)
+    names = np.array([*numbering], dtype=object)
     order = natural_order(names)
     rank = np.empty(len(names), np.int64)
     rank[order] = np.arange(len(names))
@@ -156,13 +156,13 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
 
 
 def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
-    """Rows without an id set apart, as `Rows.apart` has them."""
+    """Rows without an id set apart, as `Rows.excluded` has them."""
     blank = blanks(ids)
     if not len(blank):
         return {}
-    apart = np.zeros(len(ids[1]), bool)
-    apart[blank] = True
-    return {"no id": (apart, f"without an id left out, by {option('on_invalid', 'drop')}")}
+    mask = np.zeros(len(ids[1]), bool)
+    mask[blank] = True
+    return {"no id": (mask, f"without an id left out, by {option('on_invalid', 'drop')}")}
 
 
 def blanks(column: Numbered) -> Ints:

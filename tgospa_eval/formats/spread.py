@@ -87,14 +87,14 @@ whether these are standard deviations. {0} and {1} are state columns, {2} and {3
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
     """Headers of an entry of a covariance, the usual one first."""
     beside, diagonal, _ = SPELLINGS[spelling]
-    found = []
+    headers = []
     for i, j in dict.fromkeys([(first, second), (second, first)]):
         one, other = names[i], names[j]
         for form in diagonal if i == j else beside:
             is_joined = "}{" in form and "{0}" in form
             if not is_joined or len(one) == len(other) == 1:
-                found.append(form.format(one, other, i + 1, j + 1))
-    return sorted(found, key=lambda name: (name.startswith(("var", "sigma")), len(name)))
+                headers.append(form.format(one, other, i + 1, j + 1))
+    return sorted(headers, key=lambda name: (name.startswith(("var", "sigma")), len(name)))
 
 
 def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int, str]]:
@@ -135,16 +135,16 @@ def find_spread(
         entries = entries[: len(names) * (len(names) + 1) // 2]
         if not any(entries):
             continue
-        found = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
-        for (i, j, label), entry in zip(found.labels(), entries, strict=True):
+        spread = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
+        for (i, j, label), entry in zip(spread.labels(), entries, strict=True):
             if i == j and not entry:
-                header = label if found.deviations else spelt(i, i, names)[0]
+                header = label if spread.deviations else spelt(i, i, names)[0]
                 raise InputError(
                     f"{where}: no column {label}, but others of the covariance; add it, map it "
                     f"with {option('columns', f'{header}=HEADER')}, "
                     f"or choose state columns with {option('columns')}"
                 )
-        return found
+        return spread
     return None
 
 
@@ -183,8 +183,8 @@ def covariances_of(
     def first(wrong: Mask) -> tuple[int, str, str]:
         """Position and place of the wrong one that comes first in the file; how many more."""
         at = np.flatnonzero(wrong)
-        found = int(at[np.argmin(row[at])])
-        return found, where(int(row[found])), more(len(at))
+        position = int(at[np.argmin(row[at])])
+        return position, where(int(row[position])), more(len(at))
 
     notices = []
     if spread.absent:
@@ -193,9 +193,9 @@ def covariances_of(
     without = _blank(values, spread, first)
     if without.any():
         if missing == "error":
-            _, place, others = first(without)
+            _, place, rest = first(without)
             raise InputError(
-                f"{place}: no covariance{others}; add it, or {option('missing_cov', 'zero')} "
+                f"{place}: no covariance{rest}; add it, or {option('missing_cov', 'zero')} "
                 "makes such states points"
             )
         states = counted(int(np.count_nonzero(without)), "state has", "states have")
@@ -226,13 +226,13 @@ def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) ->
     without = np.asarray(np.all(list(blank.values()), axis=0), bool)
     partly = np.any(list(blank.values()), axis=0) & ~without
     if partly.any():
-        at, place, others = first(partly)
+        at, place, rest = first(partly)
         named = zip(spread.labels(), spread.entries, strict=True)
         labels = [
             label for (*_, label), entry in named if any(blank[column][at] for column in entry)
         ]
         raise InputError(
-            f"{place}: {labels[0]} is blank and other entries of the covariance are not{others}; "
+            f"{place}: {labels[0]} is blank and other entries of the covariance are not{rest}; "
             f"fill it, or leave all blank and use {option('missing_cov', 'zero')}"
         )
     return without
@@ -261,10 +261,10 @@ def _entry(
             scale = np.sqrt(np.abs(one)) * np.sqrt(np.abs(two))
         mean, wrong = symmetric(first, other, np.where(without, 0.0, scale))
         if len(wrong):
-            at, place, others = first_of(np.isin(np.arange(len(without)), wrong))
+            at, place, rest = first_of(np.isin(np.arange(len(without)), wrong))
             raise InputError(
                 f"{place}: covariance not symmetric: {label} is given as {first[at]:.15g} "
-                f"and as {other[at]:.15g}{others}; correct one, or leave it out"
+                f"and as {other[at]:.15g}{rest}; correct one, or leave it out"
             )
         first = mean
     return np.asarray(first, np.float64)
@@ -274,14 +274,12 @@ def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool)
     """Covariances of standard deviations and correlations, these of any size if they are mended."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
-        least, most = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
-        wrong = ~((packed[k] >= least) & (packed[k] <= most))
+        low, high = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
+        wrong = ~((packed[k] >= low) & (packed[k] <= high))
         if wrong.any():
-            at, place, others = first(wrong)
-            rule = f"0 to {most:g}" if i == j else f"-1 to 1; correct it or use {option('fix_cov')}"
-            raise InputError(
-                f"{place}: {label} is {packed[k, at]:g}{others}; it must be from {rule}"
-            )
+            at, place, rest = first(wrong)
+            rule = f"0 to {high:g}" if i == j else f"-1 to 1; correct it or use {option('fix_cov')}"
+            raise InputError(f"{place}: {label} is {packed[k, at]:g}{rest}; it must be from {rule}")
     d = size_of(len(packed))
     deviation = [packed[i * (i + 3) // 2] for i in range(d)]
     answer = np.empty_like(packed)

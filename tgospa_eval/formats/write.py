@@ -126,9 +126,9 @@ def kitti_text(trajectories: Trajectories, role: str) -> str:
     InputError
         Not boxes, or an id or time that is no whole number.
     """
-    seen, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
+    flags, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
     return "".join(
-        f"{frame} {name} Car {seen} -10 "
+        f"{frame} {name} Car {flags} -10 "
         f"{left:.6f} {top:.6f} {left + width:.6f} {top + height:.6f} "
         f"-1 -1 -1 -1000 -1000 -1000 -10{score}\n"
         for name, frame, (left, top, width, height) in _boxes(trajectories, "KITTI")

@@ -278,8 +278,8 @@ def _save_steps(
     labels = None if moments.label is None else decoded(moments.label)
     times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
     inside = np.ones(len(times), bool)
-    if options.moments is not None:
-        inside = options.moments.inside(times, moments.clock, name)
+    if options.time_range is not None:
+        inside = options.time_range.inside(times, moments.clock, name)
     kept: dict[str, NDArray[np.generic]] = {
         "raw": moments.value[inside],
         "times": times[inside],

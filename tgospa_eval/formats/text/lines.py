@@ -187,10 +187,10 @@ def scanned(
     kinds = np.zeros(width, np.uint8)
     kinds[list(roles.numbers)] |= AS_NUMBER
     kinds[list(wanted)] |= AS_TEXT
-    found = scanner.scan(data, start, delimiter, decimal, kinds, quotes)
-    if found is None:
+    fields = scanner.scan(data, start, delimiter, decimal, kinds, quotes)
+    if fields is None:
         return None
-    values, codes, distinct = found
+    values, codes, distinct = fields
     if list(roles.numbers) != sorted(roles.numbers):
         values = values[np.searchsorted(np.sort(roles.numbers), roles.numbers)]
     return Fields(
@@ -316,8 +316,8 @@ def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Seque
     """The columns of lines that are plainly rows, split at once; none of any others."""
     text = "".join(several)
     row = delimiter * (width - 1) + "\n"
-    others = bytes(set(range(256)) - set(row.encode()))
-    has_rows = text.encode().translate(None, others) == row.encode() * len(several)
+    deleted = bytes(set(range(256)) - set(row.encode()))
+    has_rows = text.encode().translate(None, deleted) == row.encode() * len(several)
     if not text or delimiter == BLANKS or not has_rows or f"{delimiter} " in text:
         return []
     fields = text.removesuffix("\n").replace("\n", delimiter).split(delimiter)
@@ -333,7 +333,7 @@ def gather(
     of others each distinct one.
     """
     wanted = text_columns(roles, texts)
-    seen: dict[int, dict[str, int]] = {column: {} for column in wanted}
+    numbering: dict[int, dict[str, int]] = {column: {} for column in wanted}
     codes: dict[int, list[Ints]] = {column: [np.zeros(0, np.int64)] for column in wanted}
     read: dict[int, list[Floats]] = {column: [np.zeros(0)] for column in roles.numbers}
     wrong: dict[int, Wrong] = {column: {} for column in roles.numbers}
@@ -341,7 +341,7 @@ def gather(
     count = 0
     for numbers_of_lines, columns in blocks:
         lines.append(numbers_of_lines)
-        for column, known in seen.items():
+        for column, known in numbering.items():
             for text in dict.fromkeys(columns[column]):  # most are repeated
                 known.setdefault(text, len(known))
             code = map(known.__getitem__, columns[column])
@@ -351,7 +351,7 @@ def gather(
         count += len(numbers_of_lines)
     coded = {
         column: Coded(list(known), np.concatenate(codes.pop(column)))
-        for column, known in seen.items()
+        for column, known in numbering.items()
     }
     whole = np.concatenate(lines)
     values = np.empty((len(whole), len(roles.numbers)), order="F")
@@ -458,7 +458,7 @@ def convert(
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
         attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
         weight_fault="\n".join(of_weights) or None,
-        apart=without_ids(ids),
+        excluded=without_ids(ids),
     )
 
 

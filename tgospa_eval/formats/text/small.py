@@ -83,10 +83,10 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         return values
 
     try:
-        found = parse_times(columns[time], lambda texts: floats(texts, decimal))
+        times = parse_times(columns[time], lambda texts: floats(texts, decimal))
     except TimeError as error:
         raise wrong(error.row, time, str(error)) from None
-    again = repeated(found.value)
+    again = repeated(times.value)
     if again is not None:
         later, before, count = again
         what = f"t = {columns[time][later]} is there twice{more(count)}"
@@ -94,7 +94,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         raise wrong(later, time, f"{what}, {remedy}")
     cost = weights("weight")
     switch = weights("switch_weight") if "switch_weight" in names else cost
-    return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
+    return WeightsByTime(times=times.value, cost=cost, switch=switch, clock=times.clock, name=path)
 
 
 def rows_of(

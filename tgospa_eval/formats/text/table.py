@@ -118,9 +118,9 @@ def header_of(
     a few lines of other length than the rows, may be above it; lines of units and names below it.
     """
     faults: dict[int, InputError] = {}  # by the number of fields: the first line is the likeliest
-    comments = others = 0
-    for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
-        line, start = found[0].removesuffix("\n"), found.end()
+    comments = skipped = 0
+    for number, match in enumerate(re.finditer(r".*\n?", text), start=1):
+        line, start = match[0].removesuffix("\n"), match.end()
         if not line.strip():
             continue
         where = f"{path}, line {number}"
@@ -134,7 +134,7 @@ def header_of(
         if by_place:
             mapped = tuple(item for item in placed or () if "=" in item)
             roles = find_roles(by_place, replace(options, columns=mapped or None), where)
-            return by_place, roles, delimiter, number, found.start()
+            return by_place, roles, delimiter, number, match.start()
         names: list[str] = []
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
@@ -153,14 +153,14 @@ def header_of(
                     raise faults.get(len(names), error) from None  # no other line is the header
             is_comment = line.lstrip().startswith(COMMENTS)
             faults.setdefault(-1 if is_comment else len(names), mistake)
-            comments, others = comments + is_comment, others + (not is_comment)
-            if others > LINES_ASIDE:
+            comments, skipped = comments + is_comment, skipped + (not is_comment)
+            if skipped > LINES_ASIDE:
                 break
             continue
         passed = list(roles.passed)
-        if comments or others:
-            what = "" if others else " of comments"
-            above = counted(comments + others, "line")
+        if comments or skipped:
+            what = "" if skipped else " of comments"
+            above = counted(comments + skipped, "line")
             passed.append(f"{above}{what} above the header passed over")
         below = 0  # of a wide table nobody has such lines
         if not wide:
@@ -244,27 +244,27 @@ def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
     return csv.reader(each, delimiter=delimiter, strict=True, skipinitialspace=True)
 
 
-def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
+def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tuple[Roles, str]:
     """The decimal mark of the first rows, with a notice in the roles if another one was asked for.
 
     It is another one only if no number has the one asked for and some have that for certain: 1,250
     and 1.250 may have a mark between thousands.
     """
     columns = {roles.time, *roles.numbers} - {roles.weight}  # weights may be something else
-    other = {".": ",", ",": "."}[asked]
+    other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
-        return roles, asked
+        return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
     certain = False
     with suppress(csv.Error):  # an error when all rows are read
         for row in rows:
             for field in (row[k].strip() for k in columns if k < len(row)):
                 if re.fullmatch(DECIMAL, field):
-                    if asked in field:
-                        return roles, asked
+                    if requested in field:
+                        return roles, requested
                     certain |= not re.fullmatch(GROUPED_NUMBER, field)
     if not certain:
-        return roles, asked
+        return roles, requested
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
     return replace(roles, passed=(*roles.passed, notice)), other
 
@@ -346,7 +346,7 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
         there = np.array([text == name for text in category.distinct], bool)
         if there.any():
             number = CATEGORIES.index(name)
-            rows.apart[name] = there[category.code], f"left out: {name}, class {number}"
+            rows.excluded[name] = there[category.code], f"left out: {name}, class {number}"
     _leave_out_flagged(rows, texts, "score", "score 0")
     attributes, column = dict(rows.attributes), VISDRONE_FIELDS.index("class")
     if column in attributes:
@@ -369,7 +369,7 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     )
     kind = texts["class"]
     ignored = np.array([text == IGNORED for text in kind.distinct], bool)
-    rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
+    rows.excluded[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
     _leave_out_unknown(rows, KITTI_UNKNOWN)
     return rows
 
@@ -480,8 +480,8 @@ def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: 
         _, wrong = numbers([text.strip() for text in column], ".")  # with the row, and how many
         row, message = wrong[0]
         raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
-    apart = values[column.code] == 0
-    rows.apart[NOT_CONSIDERED] = apart, f"left out: {flag}, not to be considered"
+    mask = values[column.code] == 0
+    rows.excluded[NOT_CONSIDERED] = mask, f"left out: {flag}, not to be considered"
 
 
 def _leave_out_unknown(rows: Rows, unknown: float) -> None:
@@ -500,14 +500,14 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
     if not place:
         return
     state = rows.roles.mixed(rows.numbers, rows.roles.state)[:, place]
-    apart = np.asarray((state == unknown).all(axis=1), bool)
-    if len(apart) and apart.all():
+    mask = np.asarray((state == unknown).all(axis=1), bool)
+    if len(mask) and mask.all():
         raise InputError(
             f"{rows.name}: no row has a place in space, all are {unknown:g}; without "
             f"{option('columns')} the centres of the boxes are compared, with "
             f"{option('distance', 'iou')} the boxes"
         )
-    rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
+    rows.excluded["no place"] = mask, f"without a place in space ({unknown:g}): absent at that step"
 
 
 def _category(texts: Coded, rows: Rows) -> Coded:
