@@ -30,7 +30,7 @@ AIS_UNKNOWN = (91.0, 181.0)
 
 
 def rules_said() -> dict[str, str]:
-    """What is said of rows that do not take part, by the rule that leaves them out."""
+    """Return the message about rows that are left out, by the rule that leaves them out."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -42,17 +42,17 @@ def rules_said() -> dict[str, str]:
 
 
 def no_classes() -> str:
-    """Notice where classes are asked for and there are none."""
+    """Return the notice where classes are asked for and there are none."""
     return f"no column class: {option('class_')} leaves all its rows in"
 
 
 def centres_compared() -> str:
-    """Notice where boxes are compared as points."""
+    """Return the notice where boxes are compared as points."""
     return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
-    """Trajectories of the rows that take part, with counts of the others.
+    """Assemble the trajectories of the rows that take part, and count the others by reason.
 
     A row counts under the first rule that leaves it out. Steps of the file stay steps, even where
     nothing is left, but for those outside the range of time.
@@ -69,7 +69,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    timestamps, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
+    timestamps, step, labels = _grid(rows, options, choice)  # parts read these times alone
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
             choice.keep(~mask, rule, sentence)
@@ -105,7 +105,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         if drop is not None:
             taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
     choice.warnings += _about_ids(rows, taken, options)
-    # From the sorted keys: cheaper than gathering two columns from all over the table.
+    # The sorted keys are cheaper than gathering two columns from all over the table.
     step, track = np.divmod(ordered, max(len(track_ids), 1))
     used, track = _renumbered(track, len(track_ids))
     covariance = None
@@ -156,7 +156,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
-    """Rows whose ids have the class behind them, where several classes have an id at one step."""
+    """Return rows whose ids end in the class, if several classes share an id at one step."""
     assert rows.classes is not None
     (names, number), (classes, klass) = rows.ids, rows.classes
     taken = np.flatnonzero(mask)
@@ -173,11 +173,11 @@ NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
-    """Warnings about ids that are none, are those of rows, or are numbered anew in some column."""
+    """Yield warnings about ids that are all -1, that number rows, or that restart in a column."""
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
     for k in np.flatnonzero(np.isin(names, NO_TRACK) & (count > 0)) if len(names) > 1 else ():
-        # Of blocks of a side each would have another number.
+        # Each block of a side would have another count.
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
@@ -227,7 +227,7 @@ PLACED = ("left", "top", "width", "height")
 
 
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
-    """Whether consecutive rows of one step are much nearer than those of one id."""
+    """Return whether consecutive rows of one step are much nearer than those of one id."""
     taken = taken[:SAMPLED]
     number, stamps = rows.ids[1][taken], rows.times.value[taken]
     places = rows.numbers[taken, :2]
@@ -249,7 +249,7 @@ OFTEN_NONE = "many programs write it where a row belongs to no track"
 
 
 def without_id(name: str, rows: Rows, columns: str) -> str:
-    """What leaves out the rows of an id, for messages."""
+    """Return the remedy that leaves out the rows of an id, for messages."""
     header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
     where = ask(columns.replace("columns", "where") or "where", [f"{header} != {name}"])
     return f"{where} leaves such rows out"
@@ -260,7 +260,7 @@ UNKNOWN = (-1.0, 0.0)
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
-    """Headers of the states that are not known in any row, unless the user named them.
+    """Return the headers of the states that are not known in any row, unless the user named them.
 
     They are blank or the same in all rows: what programs write there, or the place of several
     objects.
@@ -270,7 +270,7 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
         return ()
     numbers = rows.numbers[:, [rows.roles.numbers.index(column) for column in columns]]
     first = numbers[0]
-    same = (numbers[-1] == first) | (first != first)  # quick: most are not
+    same = (numbers[-1] == first) | (first != first)  # quick, as most columns vary
     if not same.all() or not ((numbers == first) | (numbers != numbers)).all():
         return ()
     is_unknown = any((first == value).all() for value in UNKNOWN[: len(numbers)])
@@ -279,7 +279,7 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
 
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
-    """The boxes that the format itself has as regions."""
+    """Return the boxes that the format marks as ignored regions."""
     at = [np.flatnonzero(mask) for rule, (mask, _) in rows.excluded.items() if rule in AS_REGIONS]
     boxes = np.concatenate([np.zeros(0, np.int64), *at])
     boxes = boxes[(state[boxes, 2:] > 0).all(axis=1)]
@@ -294,7 +294,7 @@ def _regions(rows: Rows, state: Floats) -> Regions | None:
 
 
 def said_of(rule: str, count: int, which: str) -> str:
-    """What is said of so many rows that a rule leaves out; `which` is that of `on_duplicate`."""
+    """Return the message about the rows that a rule leaves out; `which` as of `on_duplicate`."""
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
         return f"{rows_repeat} an (id, t): the {which} one was taken"
@@ -302,7 +302,7 @@ def said_of(rule: str, count: int, which: str) -> str:
 
 
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
-    """What is said of classes that are asked for, by those that are there.
+    """Yield notices about requested classes that are missing, or are written otherwise.
 
     `whole`: names that differ in upper and lower case alone may be taken for one another.
     """
@@ -341,25 +341,25 @@ class _Choice:
             self.notices.append(said)
 
     def all(self) -> bool:
-        """Whether nothing was left out."""
+        """Return whether nothing was left out."""
         return not self.left_out
 
 
 def _fills_half_a_day(stamps: TimeArray) -> bool:
-    """Whether times may be those of a day, from before to after midnight: few are."""
+    """Return whether times span more than 12 h, as those of a day that pass midnight do."""
     return float(stamps[-1]) - float(stamps[0]) > 43_200
 
 
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
-    """Distinct times in order, the number of each row's, and the times as they were read.
+    """Return the distinct times in order, the step of each row, and the times as they were read.
 
     Those within the range of time; rows outside it are left out.
     """
     times = rows.times
     if options.day_begins is not None:
-        from tgospa_eval.formats.clocks import carried  # lazy: few want it
+        from tgospa_eval.formats.clocks import carried  # lazy: seldom needed
 
         times = carried(times, options.day_begins, rows.name)
     stamps, step = _number_times(times.value)
@@ -401,7 +401,7 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
 
 
 def _values(rows: Rows, column: int) -> Values:
-    """A column as it is in the file: numbers, or texts, which ids and classes always are.
+    """Return a column as it is in the file: numbers, or texts, which ids and classes always are.
 
     Raises
     ------
@@ -419,7 +419,7 @@ def _values(rows: Rows, column: int) -> Values:
         times = rows.times
         return np.array(times.value if times.text is None else list(times.text))
     numbered = rows.ids if column == roles.id else rows.classes
-    assert numbered is not None  # a column is one of these or among the texts
+    assert numbered is not None  # a column is an id, a class or a text
     return cast(Values, numbered[0][numbered[1]])
 
 
@@ -470,7 +470,9 @@ def _check_states(
             )
             way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
-        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
+        place = rows.where(int(at[0])).removeprefix(
+            f"{rows.name}, "
+        )  # every notice begins with the name
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:
@@ -501,7 +503,7 @@ def _repeats(
     format: str,
     choice: _Choice,
 ) -> Ints | None:
-    """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are left out.
+    """Return the places in `taken`, sorted by key, of repeated (id, t) rows to leave out.
 
     Raises
     ------
@@ -515,7 +517,7 @@ def _repeats(
             raise InputError(only_detections(rows.name))
         return None
     if which == "error":
-        for name in ("id", "t"):  # which may be why
+        for name in ("id", "t"):  # a missing column may be the cause
             if name in rows.roles.missing:
                 raise InputError(rows.roles.missing[name])
         raise InputError(refusal(taken, again, key, rows, format, options.option))
@@ -535,7 +537,7 @@ def _repeats(
 
 
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
-    """Which of so many numbers occur, and theirs among those."""
+    """Return which of the numbers below `count` occur, and all of them renumbered without gaps."""
     occurs = np.bincount(number, minlength=count) > 0
     used = places_of(occurs)
     return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
@@ -544,7 +546,7 @@ def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
 def _classes(
     rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
 ) -> tuple[tuple[str, ...], Ints | None]:
-    """Names of the classes of some rows, and the number of each row's, if they are asked for."""
+    """Return the names of the classes, and the number of each row's, if they are requested."""
     if not options.by_class or rows.classes is None:
         return (), None
     names, number = rows.classes
@@ -560,7 +562,7 @@ def _classes(
 def _covariances(
     rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
-    """The covariances of some rows."""
+    """Return the covariances of some rows."""
     from tgospa_eval.formats.spread import covariances_of
 
     numbers = rows.roles.numbers
@@ -578,7 +580,7 @@ def _covariances(
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
-    """Rows, all or the chosen, in the order of their keys, and the sorted keys."""
+    """Return the rows, all or the chosen, in the order of their keys, and the sorted keys."""
     if chosen is not None:
         key = key[chosen]
     if (key[1:] > key[:-1]).all():  # as most programs write them
@@ -595,7 +597,7 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
 
 
 def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
-    """Distinct times in order, and the number of each row's."""
+    """Return the distinct times in order, and the number of each row's."""
     if (value[1:] >= value[:-1]).all():  # as most programs write them
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
@@ -605,7 +607,7 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
 
 
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
-    """What is asked for of some rows of a file, by name; of a cloud its first particle's."""
+    """Return the requested attributes of some rows by name; clouds have their first particle's."""
     roles = rows.roles
     columns: dict[int, Values] = dict(rows.attributes)
     columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
@@ -618,7 +620,7 @@ def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
             values[name] = times if rows.times.text is not None else times.astype(np.float64)
         else:
             numbered = rows.ids if column == roles.id else rows.classes
-            assert numbered is not None  # a column is one of these or among the texts
+            assert numbered is not None  # a column is an id, a class or a text
             values[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
     return values
 
@@ -632,14 +634,14 @@ NEARLY_ALL = 0.9
 
 
 def only_detections(name: str) -> str:
-    """Message for a file whose only id is -1."""
+    """Return the message for a file whose only id is -1."""
     return f"{name}: {ONLY_DETECTIONS}; give a single track another id"
 
 
 def refusal(
     taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, columns: str = "columns"
 ) -> str:
-    """Message for the repeated row that comes first in the file.
+    """Return the message for the repeated row that comes first in the file.
 
     Parameters
     ----------
@@ -687,7 +689,7 @@ def refusal(
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
-    """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
+    """Return why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):

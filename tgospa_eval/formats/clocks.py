@@ -36,7 +36,7 @@ LEAPS = (
 
 @dataclass(frozen=True, kw_only=True)
 class TimeForm:
-    """How the times of a side are written.
+    """Format, time zone and epoch of the times of a side.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class TimeForm:
                 f"since 1970, or {GPS} for weeks and seconds"
             )
         if self.zone:
-            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # lazy: as pandas
+            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # lazy: slow to import
 
             try:
                 ZoneInfo(self.zone)
@@ -77,7 +77,7 @@ class TimeForm:
                 ) from None
 
     def read(self, column: Coded) -> Times | None:
-        """Times of a column by the format; None where there is none.
+        """Read the times of a column by the format; None without one.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class TimeForm:
         )
 
     def zoned(self, times: Times) -> Times:
-        """Times without zone in UTC, if they are of a zone.
+        """Convert times without zone to UTC, if a zone is given.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class TimeForm:
 
 
 def _gps(text: str) -> int:
-    """Nanoseconds in UTC of a week and its seconds, with a blank between."""
+    """Convert a GPS week and its seconds, with a blank between, to nanoseconds in UTC."""
     week, seconds = text.split()
     exact = Decimal(week) * WEEK + Decimal(seconds)
     if not exact.is_finite() or not 0 <= exact < 2**33 or not 0 <= Decimal(seconds) <= WEEK:
@@ -183,13 +183,13 @@ def _in_utc(code: Ints, value: Ints) -> Times:
 
 
 def _in_words(code: Ints, value: Ints, clock: str) -> Times:
-    """Times with ISO texts, of distinct values and the one of each row."""
+    """Return times with their ISO texts, from distinct values and the code of each row."""
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
 
 def carried(times: Times, begins: float, name: str) -> Times:
-    """Times of day, those before `begins` as of the next day.
+    """Move times of day before `begins` to the next day.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def carried(times: Times, begins: float, name: str) -> Times:
 
 
 def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, str] | None:
-    """The first row that begins a day anew, and what to do; None where none seems to.
+    """Return the first row that begins a new day, and what to do; None where none seems to.
 
     Such a row is earlier than the one before of its track by more than half a day, in the order of
     the file, and no other is as much later.
@@ -260,12 +260,12 @@ def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, st
 
 
 def _day_of(time: float) -> int:
-    """A day in the unit in which a number may be a time of day: s, ms, us or ns."""
+    """Return the length of a day in the likely unit of a time of day: s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
-    """A side whose numbers by their size count since 1970, with zoned times, and their unit.
+    """Read the numbers of a side as times since 1970, in the unit that their size suggests.
 
     The unit is blank if they do not.
     """

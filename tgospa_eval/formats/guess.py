@@ -64,25 +64,25 @@ VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
 
 
 def file_of(path: str) -> str:
-    """The file itself of ``FILE.mat:X`` and ``FILE.mat:Y{3}``; any other path is one."""
+    """Return the file of a path ``FILE.mat:X`` or ``FILE.mat:Y{3}``; any other path is a file."""
     named = VARIABLE.fullmatch(path) if ":" in path else None
     return named[1] if named and not os.path.lexists(path) else path
 
 
 def is_table_folder(path: str) -> bool:
-    """Whether a path is a folder with the tables of nuScenes."""
+    """Return whether a path is a folder with the tables of nuScenes."""
     return os.path.isfile(os.path.join(path, SAMPLES))
 
 
 def files_at(path: str) -> list[str]:
-    """The files that are read of a path: those in a folder that is one side, or itself."""
+    """Return the files of a path: those in a folder that is one side, or the file itself."""
     if not is_table_folder(path):
         return files_of_folder(path) if folder_format(path) else [path]
     return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
 
 
 def guess(path: str, data: bytes) -> str:
-    """A key of `formats.FORMATS`; what looks like nothing else is a CSV table.
+    """Guess the format, a key of `formats.FORMATS`; what looks like nothing else is a CSV table.
 
     The name of a format of another package is that of its files: run.trk is read as trk.
     A MOTChallenge line has 6 to 10 numbers, and no header; VisDrone has 10 as well, of which the
@@ -111,10 +111,10 @@ def guess(path: str, data: bytes) -> str:
 
 
 def _guess_text(head: str, *, is_whole: bool) -> str:
-    """The format of a table by its first lines."""
+    """Guess the format of a table by its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
-    # A file of comments so far is a table, or none.
+    # A file with only comments so far is a table, or empty.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
@@ -122,7 +122,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
         if line.strip() and all(map(fits, filter(str.strip, lines[:LINES_TRIED]))):
             return name
     if any(len(split(comment.lstrip(" \t#%/"))) == len(fields) for comment in comments):
-        return "csv"  # whose header is a comment
+        return "csv"  # its header is a comment
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         whole = lines if is_whole else lines[:-1] or lines
         whole = [line for line in whole if line.strip()]
@@ -136,7 +136,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 
 
 def folder_format(path: str) -> str:
-    """How a folder is read as one side; blank if it is not.
+    """Return the format of a folder that is read as one side; blank if it is none.
 
     TUM has a trajectory a file, in eight numbers a line, and CSV files without ids have one as
     well; YOLO has the boxes of a frame.
@@ -164,7 +164,7 @@ FILES_TRIED, LINES_TRIED = 100, 20
 
 
 def files_of_folder(path: str) -> list[str]:
-    """Files of text in a folder, in the natural order of their names."""
+    """Return the files of text in a folder, in the natural order of their names."""
     try:
         names = os.listdir(path)
     except OSError:
@@ -180,7 +180,7 @@ TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.
 
 
 def _is_of_one_object(path: str) -> bool:
-    """Whether a table has a header with times and places, and nothing that may be ids."""
+    """Return whether a table has a header with times and places, and nothing that may be ids."""
     from tgospa_eval.formats.headers import HINTS, Headers  # lazy: for folders only
 
     lines = (line for line in _beginning(path).splitlines() if line.strip())
@@ -192,7 +192,7 @@ def _is_of_one_object(path: str) -> bool:
 
 
 def _beginning(path: str) -> str:
-    if not os.path.isfile(path):  # a named pipe would be waited for
+    if not os.path.isfile(path):  # reading a named pipe would block
         return ""
     try:
         with open(path, "rb") as file:
@@ -202,7 +202,7 @@ def _beginning(path: str) -> str:
 
 
 def is_tum(line: str) -> bool:
-    """Whether a line is a stamp, a place and a quaternion, whose length is 1."""
+    """Return whether a line is a time, a place and a quaternion of length 1."""
     words = line.split()
     if len(words) != 8 or not all(map(is_number, words)):
         return False
@@ -210,7 +210,7 @@ def is_tum(line: str) -> bool:
 
 
 def is_yolo(line: str) -> bool:
-    """Whether a line is a class and a box in parts of an image, with confidence or id or both."""
+    """Return whether a line is a class and a box in parts of an image, then score, id or both."""
     words = line.split()
     if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
         return False
@@ -219,7 +219,7 @@ def is_yolo(line: str) -> bool:
 
 
 def split(line: str) -> list[str]:
-    """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
+    """Split a line of MOTChallenge text at commas, also a last one, else at blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
 
@@ -229,7 +229,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:
-    """Whether ten columns end in class, truncation and occlusion, not in a place in space."""
+    """Return whether ten columns end in class, truncation and occlusion, not in a position."""
     return all(
         len(fields) == 10
         and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
@@ -243,14 +243,14 @@ MIN_BOX = 2.0
 
 
 def _is_motchallenge(lines: Iterable[str]) -> bool:
-    """Whether lines may be of boxes in an image, with whole frames and ids, flags and classes.
+    """Return whether lines have integer frames and ids, a box in pixels, flags and classes.
 
     What is wrong with single lines is found by the reader: most of the lines count.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
     if any(len(row) < MOT_SHORTEST for row in rows):
-        return True  # whose reader says what is wrong
+        return True  # its reader says what is wrong
     whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows)
     sized = sum(min(map(abs, row[4:6])) >= MIN_BOX or row[4:6] == [-1, -1] for row in rows)
     flagged = sum(
@@ -268,7 +268,7 @@ COMMENTS = ("#", "%", "//")
 
 
 def foreign(line: str) -> str:
-    """What the first line is that is no header of a table, and what to do; blank if unknown.
+    """Return what the first line is, where it is no header, with a remedy; blank if unknown.
 
     A table whose header is understood may begin with any of these.
     """

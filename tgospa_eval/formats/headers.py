@@ -23,7 +23,7 @@ PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Columns of each object that has all, by what they are; none if no header fits a pattern."""
+    """Return the columns of each complete object by role; none if no header fits a pattern."""
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -36,14 +36,14 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 
 
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """Columns of no object, but for those whose names are of the columns of objects."""
+    """Return the headers that belong to no object and have no name of an object's column."""
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
     return [k for k, name in enumerate(names) if k not in used and name not in taken]
 
 
 def pattern_in(names: Sequence[str]) -> list[str]:
-    """Items of columns by pattern, if these headers may be pairs of several objects; or none."""
+    """Suggest columns by pattern, if these headers may be x and y of several objects; or none."""
     for one, two in PAIRED_NAMES:
         first = [name for name in names if one in name and name.replace(one, two) in names]
         before = _common(first)
@@ -56,7 +56,7 @@ def pattern_in(names: Sequence[str]) -> list[str]:
 
 
 def _common(texts: Sequence[str]) -> str:
-    """What all texts begin with."""
+    """Return the common prefix of texts."""
     first, last = min(texts, default=""), max(texts, default="")
     pairs = enumerate(zip(first, last, strict=False))
     end = next((k for k, (a, b) in pairs if a != b), min(len(first), len(last)))
@@ -88,7 +88,7 @@ SKIPPED = ("-", "_")
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """The columns of each file, and the names among them whose headers it may lack.
+    """Return the columns of each file, and the names among them whose headers it may lack.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def columns_of_each(
     """
     maps, wanted = parse_columns(shared)
     parsed = [parse_columns(items) for items in own]
-    # Of a table without a header, and of coordinates of another kind, they are its own.
+    # A table without a header, or with coordinates of another kind, has its own columns.
     placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(parsed, placed, strict=True)
     named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
@@ -116,13 +116,13 @@ def columns_of_each(
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Header of each mapped name, and the names of the state columns, in order.
+    """Parse the header of each mapped name, and the names of the state columns, in order.
 
     Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
     named without ``=`` they are.
     """
     mapped: dict[str, str] = {}
-    wanted: dict[str, None] = {}  # in order, and quick to look in
+    wanted: dict[str, None] = {}  # an ordered set
     for item in columns or ():
         name, equals, header = (part.strip() for part in item.partition("="))
         if name in SKIPPED and not equals:
@@ -142,12 +142,12 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
 
 
 def has_patterns(options: ReadOptions) -> bool:
-    """Whether columns are named by pattern, for each object its own."""
+    """Return whether columns are named by pattern, for each object its own."""
     return any(ID_MARK in item for item in options.columns or ())
 
 
 def ask(name: str, items: Sequence[str]) -> str:
-    """What to type or write so that these items are columns: ready to be pasted.
+    """Return the option or argument that makes these items columns: ready to be pasted.
 
     `name` is that of the option, or nothing for a DataFrame.
     """
@@ -291,7 +291,9 @@ class Headers:
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
-            if header == first and first not in self.exact:  # which begins like a comment
+            if (
+                header == first and first not in self.exact
+            ):  # a first header may begin like a comment
                 mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}
@@ -302,14 +304,14 @@ class Headers:
                 self.keyed.setdefault(key, []).append((k, unit))
 
     def spelt(self, header: str, name: str) -> int | None:
-        """Position of a header, upper and lower case aside; `name` is the column it is for."""
+        """Return the position of a header in any case; `name` is the column that it is for."""
         if header in self.exact:
             return self.exact[header]
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
     def find(self, name: str, *, plainly: bool = False) -> int | None:
-        """Position of a column: as mapped, by its name, else, if not `plainly`, by an alias.
+        """Find the position of a column: as mapped, by its name or, if not `plainly`, by an alias.
 
         Raises
         ------
@@ -326,7 +328,7 @@ class Headers:
         return None if plainly else self._only(self.places(name), name)
 
     def compared(self, name: str, keyword: str) -> int:
-        """Position of a column that a filter compares, also one that is something else as well.
+        """Return the position of a column that a filter compares; it may have another role as well.
 
         Raises
         ------
@@ -345,7 +347,7 @@ class Headers:
 
     @property
     def way_of_one_side(self) -> str:
-        """What to do about a column that one file alone has, for messages."""
+        """Remedy for a column that only one file has, for messages."""
         first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
         ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
         return f"{ways} is for a column of one file, 'score >= 0.5'"
@@ -357,7 +359,7 @@ class Headers:
         return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
-        """A notice if unused headers may be a column as well as the one taken by an alias."""
+        """Yield a notice if unused headers may be a column as well as the one taken by an alias."""
         if name in self.mapped or self.spelt(name, name) is not None:
             return
         position = self.find(name)
@@ -373,7 +375,7 @@ class Headers:
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
-        """Positions of all headers that may be a column, the most usual first."""
+        """Return the positions of all headers that may be a column, the most usual first."""
         units = UNITS.get(name, ())
         places = (
             k
@@ -398,7 +400,7 @@ class Headers:
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Headers that may be meant by columns that were not found, by what they have in them.
+        """Guess the headers of missing columns by the words in them.
 
         `wanted` are their names, ``position`` is any two of the state; headers that are `used` are
         something else.
@@ -425,7 +427,7 @@ class Headers:
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Two of these headers that are one stamp, as secs and nsecs."""
+    """Return the two headers of seconds and fractions that are one time, such as secs and nsecs."""
     words = {name: words_of(name) for name in names}
     whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
@@ -436,7 +438,7 @@ def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def words_of(header: str) -> list[str]:
-    """Words of a header, without case."""
+    """Split a header into its words, in lower case."""
     return re.findall(r"[^\W_]+", header.casefold()) or [""]
 
 
@@ -446,19 +448,19 @@ IN_BRACKETS = re.compile(r"(.+?)[(\[<{]([^()\[\]<>{}]+).")
 
 
 def _joined(header: str) -> str:
-    """Without case, blanks and punctuation."""
+    """Return a header as one word without case, blanks and punctuation."""
     return "".join(re.findall(r"[^\W_]+", header)).casefold()
 
 
 @cache
 def _aliases(name: str) -> tuple[str, ...]:
-    """The aliases of a column, each as one word, the most usual first."""
+    """Return the aliases of a column, each as one word, the most usual first."""
     return tuple(dict.fromkeys(map(_joined, HEADER_ALIASES.get(name, ()))))
 
 
 def _keys(header: str) -> Iterator[tuple[str, str]]:
-    """The header as one word, and without its last word, which may be a unit: that word too."""
-    header = header.removeprefix("field.")  # of rostopic echo -p
+    """Yield the header as one word; if its last word may be a unit, also the rest and that unit."""
+    header = header.removeprefix("field.")  # rostopic echo -p writes it
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
     if header.endswith(CLOSING) and (within := IN_BRACKETS.fullmatch(header)):
@@ -507,7 +509,7 @@ def absent(
     needed: tuple[int | None, int | None],
     states: dict[str, Mix | None],
 ) -> str:
-    """The message about columns that are missing, with what to type."""
+    """Return the message about columns that are missing, with what to type."""
     missing = [name for name, place in zip(("id", "t"), needed, strict=True) if place is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"

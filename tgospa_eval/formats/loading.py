@@ -33,7 +33,7 @@ million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
 
 def more_memory() -> str:
-    """The end of messages about files for which there is no room."""
+    """Return the last part of messages about files that need too much memory."""
     return f"; if it is meant, allow more with {option('max_input', metavar='GB')}, or any with 0"
 
 
@@ -42,7 +42,7 @@ MODEST = 1e8
 
 
 def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
-    """Whether there is room for what a file unpacks to.
+    """Check that there is memory for what a file unpacks to.
 
     Parameters
     ----------
@@ -84,19 +84,19 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
 
 
 def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
-    """As `check_memory`, for the fields of a text."""
+    """Check the memory for the fields of a text, as `check_memory` does."""
     size = len(data)
     check_memory(path, TEXT * size, size, limit, f"{size:,} bytes of text")
 
 
 def max_bytes(limit: float | None, path: str) -> int:
-    """Bytes that a file itself may have; what is available matters to the largest alone."""
+    """Return the largest size of a file; the available memory matters for large ones alone."""
     if limit == 0:
         return sys.maxsize - 1
     if limit is not None:
         return int(limit * GIGABYTE)
     allowed = int(DEFAULT_GIGABYTES * GIGABYTE)
-    with suppress(OSError, ValueError):  # whoever reads it will say so
+    with suppress(OSError, ValueError):  # reading the file reports it
         status = os.stat(path)
         if stat.S_ISREG(status.st_mode) and status.st_size <= MODEST:
             return allowed
@@ -116,12 +116,12 @@ PACKED_FROM = 8
 
 
 def is_packed(data: bytes) -> bool:
-    """Whether a file is compressed in a way that is unpacked here."""
+    """Return whether a file is compressed in a way that `unpack` knows."""
     return data.startswith((GZIP_MAGIC, ZSTD_MAGIC))
 
 
 def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
-    """The content of a file, of at most so many bytes if it is compressed.
+    """Return the content of a file, unpacked if it is compressed, up to a size.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
 
 @contextmanager
 def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
-    """The content of a file, unpacked while it is read if it is compressed.
+    """Open a file, unpacked while it is read if it is compressed.
 
     Parameters
     ----------
@@ -176,13 +176,13 @@ def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
 
 @contextmanager
 def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
-    """The same of an open file."""
+    """Unpack an open file while it is read."""
     head = file.read(PACKED_FROM)
     file.seek(0)
     stream: Any = file
     faults: tuple[type[Exception], ...] = ()
     if head.startswith(GZIP_MAGIC):
-        import gzip  # here, as below: few files need it
+        import gzip  # lazy, as below: few files need it
 
         stream, faults = gzip.GzipFile(fileobj=file), (OSError, EOFError, zlib.error)
     elif head.startswith(ZSTD_MAGIC):
@@ -199,26 +199,26 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
 
 
 def unreadable(path: str, kind: str, error: Exception) -> InputError:
-    """Message about a damaged file."""
+    """Return the message about a damaged file."""
     return InputError(f"{path}: no readable {kind} file: {reason_of(error)}")
 
 
 def reason_of(error: Exception) -> str:
-    """The first line of an error."""
+    """Return the first line of an error."""
     if isinstance(error, UnicodeDecodeError):
         return "a text that is not UTF-8; the file is damaged"
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def plain_name(path: str) -> str:
-    """The path without the ending of a compressed file, in lower case."""
+    """Return the path without the ending of a compressed file, in lower case."""
     name = path.casefold()
     ending = next((ending for ending in PACKED_SUFFIXES if name.endswith(ending)), "")
     return name.removesuffix(ending)
 
 
 def load(path: str, max_size: int = SETTINGS) -> bytes:
-    """The bytes of a file, at most so many.
+    """Read the bytes of a file, up to a size.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def load(path: str, max_size: int = SETTINGS) -> bytes:
 
 
 def _is_endless(path: str) -> bool:
-    """Whether it is a device such as /dev/zero; a terminal ends when its user ends it."""
+    """Return whether a path is a device such as /dev/zero; a terminal is not, its user ends it."""
     if path == STDIN:
         return False
     mode = os.stat(path).st_mode
@@ -259,7 +259,7 @@ def _is_endless(path: str) -> bool:
 
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
-    """The bytes of a file, unpacked, as many as `max_input` GB allow: texts shrink to a tenth."""
+    """Return the unpacked bytes of a file, as many as `max_input` GB allow for a text."""
     data = load(path, max_bytes(max_input, path))
     if not is_packed(data):
         return data
@@ -267,7 +267,7 @@ def unpacked_file(path: str, max_input: float | None) -> bytes:
 
 
 def max_memory(file: int, limit: float | None) -> float:
-    """Bytes that reading may take of a file of so many, with a limit as of `check_memory`."""
+    """Return the bytes that reading a file may take, with a limit as of `check_memory`."""
     if limit is not None:
         return limit * GIGABYTE or sys.maxsize / 2
     allowed = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
@@ -275,7 +275,7 @@ def max_memory(file: int, limit: float | None) -> float:
 
 
 def check_parquet(kind: str = "Parquet", begin: str = "") -> None:
-    """Whether pyarrow is there.
+    """Check that pyarrow is installed.
 
     Raises
     ------

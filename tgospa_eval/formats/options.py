@@ -1,4 +1,4 @@
-"""How to read a file, and which rows of it. Knows no format.
+"""Options of reading a file, and of selecting its rows. No format is known here.
 
 Filters compare columns, ``score >= 0.5 and type != van``: they are parsed, never executed.
 """
@@ -48,7 +48,7 @@ a text was in quotes, or is no number."""
 
 
 def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
-    """Which rows fulfil a comparison; a blank does so with a text alone.
+    """Return which rows fulfil a comparison; a blank does so with a text alone.
 
     `at` says where a row is, `way` what asks for this, for messages.
 
@@ -68,7 +68,7 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
                 f"{values[filled[0]]:g} is a number, and {way} compares with a text; "
                 "compare with a number"
             )
-        if number is None:  # which a blank may be
+        if number is None:  # a blank may be a missing number
             return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
         return np.asarray(compare(values, number))
     if isinstance(value, str):
@@ -111,14 +111,14 @@ class Where:
         return tuple(column for column, _, _ in self.comparisons)
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
-        """Which rows fulfil it, from the values by column; parameters as of `_fulfils`."""
+        """Return which rows pass the filter, by the values of each column; as `_fulfils`."""
         way = f"{self.option} {quoted(self.text)}"
         masks = (_fulfils(one, values[one[0]], at, way) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
 
 
 def parse_where(texts: str | Iterable[str], keyword: str) -> tuple[Where, ...]:
-    """Filters of an option that may be given several times.
+    """Parse the filters of an option that may be given several times.
 
     Raises
     ------
@@ -179,7 +179,7 @@ class TimeRange:
     text: str
 
     def inside(self, times: TimeArray, clock: str, where: str) -> Mask:
-        """Which of the times lie in the range; integers are compared exactly.
+        """Return which of the times lie in the range; integers are compared exactly.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class TimeRange:
 
 
 def parse_time_range(text: str | None) -> TimeRange | None:
-    """The range ``A:B``; of ISO times, which contain colons, it is split where both halves parse.
+    """Parse a range ``A:B``; ISO times contain colons, so it splits where both halves parse.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def parse_time_range(text: str | None) -> TimeRange | None:
 
 
 def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
-    """Declared steps, ``FIRST:LAST[:EVERY]``; of ISO times, which contain colons, as it parses.
+    """Parse steps, ``FIRST:LAST[:EVERY]``; ISO times contain colons, so it splits where all parse.
 
     Those in the range of time alone, where one is asked for.
 
@@ -267,25 +267,25 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
-    """The text split at colons into so many parts, in every way: times may have colons."""
+    """Yield all ways to split a text at colons into so many parts: times may contain colons."""
     pieces = text.split(":")
     for at in combinations(range(1, len(pieces)), count - 1):
         yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """The class of this name; if there is none, the only one that differs in case alone."""
+    """Return the class of this name, else the only one that differs in case alone."""
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Whether two names differ in upper and lower case at most."""
+    """Return whether two names differ in upper and lower case at most."""
     return name.casefold() == other.casefold()
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
-    """Ranges by column of ``x=-50:50,y=0:``.
+    """Parse the ranges ``x=-50:50,y=0:`` by column.
 
     Raises
     ------
@@ -318,7 +318,7 @@ ROLES = ("truth", "estimate")
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """How to read a file, and which rows of it.
+    """Options of reading a file, and of selecting its rows.
 
     Parameters
     ----------
@@ -456,7 +456,7 @@ class ReadOptions:
         parse_region(self.region)
 
     def with_paths(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
-        """The same for a file that is read with these; what was checked is not checked again."""
+        """Return these options with the paths that are read together; nothing is checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)
         return same
@@ -472,7 +472,7 @@ class ReadOptions:
         return parse_region(self.region)
 
     def filters(self) -> Iterator[tuple[str, str | float | list[str]]]:
-        """The filters in use, and where a day begins, by the names of their options."""
+        """Yield the filters in use, and where a day begins, by the names of their options."""
         for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
             if value is not None:
                 yield name, list(value) if isinstance(value, tuple) else value
@@ -484,14 +484,14 @@ class ReadOptions:
             yield "by", "class"
 
     def covariances(self) -> Iterator[tuple[str, bool | str]]:
-        """What is done about covariances, by the names of the options."""
+        """Return the options of covariances, by name."""
         if self.covariance:
             yield "fix_cov", self.fix_covariance
             yield "missing_cov", self.missing_covariance
 
 
 def one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
-    """Whether a value is one of those allowed.
+    """Check that a value is one of those allowed.
 
     Raises
     ------

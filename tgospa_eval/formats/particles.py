@@ -16,7 +16,7 @@ RULE = "weights must be >= 0 and not all zero"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Particles:
-    """Which rows of a file make which cloud.
+    """Rows of a file that are particles, and the cloud of each.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ class Particles:
     idle: int
 
     def means(self, values: Floats) -> Floats:
-        """For each row the weighted mean (R, n) of its cloud, of values (R, n) of the rows."""
+        """Return for each row the weighted mean (R, n) of its cloud, from values (R, n) of rows."""
         sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
     def clouds(
         self, rows: Rows, state: Floats, taken: Ints, ordered: Ints
     ) -> tuple[Clouds, Ints, Ints]:
-        """The clouds of some rows, the first row of each, and its key; rows sorted by key.
+        """Return the clouds of some rows, the first row of each, and its key; rows sorted by key.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Particles:
         return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """What the user should know; `compared`: whether particles enter the distance."""
+        """Return notices about the clouds; `compared`: whether particles enter the distance."""
         texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
@@ -89,7 +89,7 @@ class Particles:
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
-    """Clouds of the rows that take part; None if none has two particles, unless `always`.
+    """Build the clouds of the rows; None if no cloud has two particles, unless `always`.
 
     Raises
     ------

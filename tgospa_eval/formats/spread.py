@@ -23,7 +23,7 @@ BEYOND = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class SpreadColumns:
-    """Where the covariances of a table are.
+    """Columns of the covariances of a table.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class SpreadColumns:
 
     @property
     def deviations(self) -> bool:
-        """Whether they are standard deviations and correlations."""
+        """True if the columns are standard deviations and correlations."""
         return SPELLINGS[self.spelling][2]
 
     @property
     def is_unusual(self) -> bool:
-        """Whether their headers begin with P."""
+        """True if the headers begin with P."""
         return self.spelling in (NAMED, NUMBERED)
 
     @property
@@ -56,7 +56,7 @@ class SpreadColumns:
         return tuple(column for entry in self.entries for column in entry)
 
     def labels(self) -> list[tuple[int, int, str]]:
-        """Row, column and name of each entry."""
+        """Return the row, column and name of each entry."""
         return list(entries(self.names, self.spelling))
 
     @property
@@ -85,7 +85,7 @@ whether these are standard deviations. {0} and {1} are state columns, {2} and {3
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
-    """Headers of an entry of a covariance, the usual one first."""
+    """Return the headers of an entry of a covariance, the usual one first."""
     beside, diagonal, _ = SPELLINGS[spelling]
     headers = []
     for i, j in dict.fromkeys([(first, second), (second, first)]):
@@ -98,7 +98,7 @@ def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> l
 
 
 def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int, str]]:
-    """Row, column and usual header of each entry of the lower triangle, row by row."""
+    """Yield the row, column and usual header of each entry of the lower triangle, row by row."""
     for i in range(len(names)):
         for j in range(i + 1):
             yield i, j, spelt(j, i, names, spelling)[0]
@@ -107,7 +107,7 @@ def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int,
 def find_spread(
     names: Sequence[str], find: Callable[[str], int | None], where: str
 ) -> SpreadColumns | None:
-    """The columns of the covariances of these state columns; None if there are none.
+    """Find the columns of the covariances of these state columns; None if there are none.
 
     Spellings are taken in the order of `SPELLINGS`. Entries by number are those of the states only
     if these are in the order of the table, and there is none of a further one. `find` gives the
@@ -157,7 +157,7 @@ def covariances_of(
     missing: str,
     fix: bool,
 ) -> tuple[Floats, list[Notice]]:
-    """Lower triangles (R, d (d + 1) / 2) of the rows, and what the user should know of them.
+    """Return lower triangles (R, d (d + 1) / 2) of the rows, and notices about them.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def covariances_of(
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Position and place of the wrong one that comes first in the file; how many more."""
+        """Return the position and place of the first wrong row in the file, and how many follow."""
         at = np.flatnonzero(wrong)
         position = int(at[np.argmin(row[at])])
         return position, where(int(row[position])), more(len(at))
@@ -207,7 +207,7 @@ def covariances_of(
             packed[k] = _entry(k, values, spread, without, first)
     if spread.deviations:
         packed = _products(packed, spread, first, fix=fix)
-    order = np.argsort(row, kind="stable")  # messages name the first of the file
+    order = np.argsort(row, kind="stable")  # messages name the first row of the file
     packed[:, order], changed = accept(
         packed[:, order], lambda k: where(int(row[order[k]])), fix=fix
     )
@@ -215,7 +215,7 @@ def covariances_of(
 
 
 def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> Mask:
-    """Rows without any covariance.
+    """Return which rows have no covariance.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def _entry(
     without: Mask,
     first_of: First,
 ) -> Floats:
-    """The k-th entry of the lower triangles: the mean of both columns, if there are two.
+    """Return the k-th entry of the lower triangles: the mean of both columns, if there are two.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def _entry(
 
 
 def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:
-    """Covariances of standard deviations and correlations, these of any size if they are mended."""
+    """Compute covariances from standard deviations and correlations; any size if mended."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
         low, high = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
@@ -285,6 +285,6 @@ def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool)
     answer = np.empty_like(packed)
     for k, (i, j, _) in enumerate(spread.labels()):
         product = deviation[i] * deviation[j]
-        with np.errstate(over="ignore"):  # to be mended; what is too large is refused afterwards
+        with np.errstate(over="ignore"):  # too large values are refused afterwards
             answer[k] = product if i == j else packed[k] * product
     return answer

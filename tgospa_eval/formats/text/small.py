@@ -70,7 +70,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         return InputError(f'{path}, line {lines[1 + row]}, column "{name}": {what}')
 
     def weights(name: str) -> Floats:
-        """A column of finite numbers >= 0."""
+        """Return a column of finite numbers >= 0."""
         values, faults = numbers(columns[name], decimal)
         for row, message in faults:
             raise wrong(row, name, message)
@@ -100,7 +100,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
 def rows_of(
     data: bytes, path: str, decimal: str, *, even: bool = False
 ) -> tuple[list[int], list[list[str]]]:
-    """Line and fields of each row that is not blank; the first one decides the delimiter.
+    """Return the line and fields of each row; the first row decides the delimiter.
 
     `even`: it is a header, and all others have as many fields.
     """
