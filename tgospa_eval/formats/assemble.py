@@ -229,7 +229,7 @@ PLACED = ("left", "top", "width", "height")
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
     """Return whether consecutive rows of one step are much nearer than those of one id."""
     taken = taken[:SAMPLED]
-    number, stamps = rows.ids[1][taken], rows.times.value[taken]
+    number, timestamps = rows.ids[1][taken], rows.times.value[taken]
     places = rows.numbers[taken, :2]
 
     def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
@@ -238,7 +238,7 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
         lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
         return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
 
-    return spacing(number, stamps) > EXCHANGED * spacing(stamps, number) > 0
+    return spacing(number, timestamps) > EXCHANGED * spacing(timestamps, number) > 0
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
@@ -345,9 +345,9 @@ class _Choice:
         return not self.left_out
 
 
-def _fills_half_a_day(stamps: TimeArray) -> bool:
-    """Return whether times span more than 12 h, as those of a day that pass midnight do."""
-    return float(stamps[-1]) - float(stamps[0]) > 43_200
+def _may_pass_midnight(times: TimeArray) -> bool:
+    """Return whether times span more than 12 h, if they are in seconds; few do."""
+    return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
 
 def _grid(
@@ -362,26 +362,26 @@ def _grid(
         from tgospa_eval.formats.clocks import carried  # lazy: seldom needed
 
         times = carried(times, options.day_begins, rows.name)
-    stamps, step = _number_times(times.value)
-    if options.day_begins is None and rows.whole and len(stamps) and _fills_half_a_day(stamps):
+    timestamps, step = _number_times(times.value)
+    if options.day_begins is None and rows.whole and _may_pass_midnight(timestamps):
         from tgospa_eval.formats.clocks import over_midnight  # lazy: as above
 
-        anew = over_midnight(times, stamps, rows.ids[1])
+        anew = over_midnight(times, timestamps, rows.ids[1])
         if anew is not None:
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time begins anew, as after midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
     labels = None
     if times.text is not None:
-        labels = np.empty(len(stamps), dtype=object)
+        labels = np.empty(len(timestamps), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
-    stamps, labels = options.conversion.times(stamps, times.clock, labels, rows.name)
+    timestamps, labels = options.conversion.times(timestamps, times.clock, labels, rows.name)
     if options.time_range is None:
-        return stamps, step, labels
-    inside = options.time_range.inside(stamps, times.clock, rows.name)
+        return timestamps, step, labels
+    inside = options.time_range.inside(timestamps, times.clock, rows.name)
     choice.keep(inside[step], "time")
     labels = None if labels is None else labels[inside]
-    return stamps[inside], (np.cumsum(inside) - 1)[step], labels
+    return timestamps[inside], (np.cumsum(inside) - 1)[step], labels
 
 
 def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:

@@ -223,7 +223,7 @@ def carried(times: Times, begins: float, name: str) -> Times:
     return _in_words(code, distinct, times.clock)
 
 
-def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, str] | None:
+def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
     """Return the first row that begins a new day, and what to do; None where none seems to.
 
     Such a row is earlier than the one before of its track by more than half a day, in the order of
@@ -233,12 +233,12 @@ def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, st
     ----------
     times : Times
         Of all rows.
-    stamps : array
+    timestamps : array
         The distinct ones in order.
     track : (R,) int array
         Track of each row.
     """
-    ends = stamps[0].item(), stamps[-1].item()
+    ends = timestamps[0].item(), timestamps[-1].item()
     unit = 1 if times.clock == "number" else SECOND
     first = 0 if unit == 1 else NO_DATE
     day = _day_of(float(ends[1])) if unit == 1 else DAY * SECOND
@@ -251,8 +251,8 @@ def over_midnight(times: Times, stamps: TimeArray, track: Ints) -> tuple[int, st
         return None
     if len(np.unique(track[back])) < len(back):
         return int(back.min()), "write the times with dates"
-    gap = int(np.argmax(np.diff(stamps)))
-    low, high = ((float(stamps[gap + k]) - first) / unit for k in (0, 1))
+    gap = int(np.argmax(np.diff(timestamps)))
+    low, high = ((float(timestamps[gap + k]) - first) / unit for k in (0, 1))
     noon = day / unit / 2
     at = noon if low < noon <= high else round((low + high) / 2)
     way = f"{option('day_begins', plain(float(at)))} makes times before that those of the next day"
