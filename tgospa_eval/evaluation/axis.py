@@ -17,7 +17,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
-from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -251,7 +251,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
-        side.seen_as(("gaussian", *distance.kinds)),  # of these there may be a NEES
+        side.reduced_to(("gaussian", *distance.kinds)),  # of these there may be a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -269,7 +269,7 @@ def _near(
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
     """Both sides on the steps of either, and the pairs of rows within the cutoff."""
-    pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
+    pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
     effort = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
     sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
@@ -388,9 +388,9 @@ def truth_gaps(
     if axis.held is not None:  # judged at their own stamps
         narrow = estimate = axis.held.reports
     line, _ = _made(
-        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
+        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED
     )
-    rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
+    rows = np.flatnonzero(marks_of(line, NOT_COUNTED))
     states = 0
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)

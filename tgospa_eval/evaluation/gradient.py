@@ -70,7 +70,7 @@ def _moved(
     the distance of each pair; clouds also have the place of their first particles (R + 1,).
     """
     aligned, distance = fitted.alignment, fitted.distance
-    sides = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+    sides = aligned.truth.reduced_to(distance.kinds), aligned.estimate.reduced_to(distance.kinds)
     clouds = sides[1].clouds
     by_particle = distance.particle_slopes(pairs, sides)
     if by_particle is None:

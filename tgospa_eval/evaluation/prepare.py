@@ -33,7 +33,7 @@ from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import (
     AWAY,
-    NOT_JUDGED,
+    NOT_COUNTED,
     Coverage,
     digest,
     judge,
@@ -207,7 +207,8 @@ class NearPairs:
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
-        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        kinds = distance.kinds
+        seen = aligned.truth.reduced_to(kinds), aligned.estimate.reduced_to(kinds)
         raw = distance
         sides, distance = distance.prepared(seen, effort)
         margin = 0.0
@@ -226,7 +227,7 @@ class NearPairs:
         else:
 
             def at_reports(both: Sides) -> Pairs:
-                seen = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
+                seen = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
                 return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
 
             pairs = held_pairs(held, (aligned.truth, aligned.estimate), at_reports)
@@ -340,14 +341,14 @@ def measure(
 
     with stopwatch.span("distances"):
         truth, estimate = (
-            side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
+            side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
         scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": truth.second_moments,
-            "estimate_covariance": estimate.second_moments,
+            "truth_covariance": truth.spread,
+            "estimate_covariance": estimate.spread,
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
@@ -424,7 +425,7 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     """Ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    found = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
+    found = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
     return found if any(mask.any() for mask in found) else None
 
 
@@ -442,8 +443,8 @@ def _recorded(
     """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
-    digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
-    counts = aligned.truth.seen_as(kinds)
+    digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
+    counts = aligned.truth.reduced_to(kinds)
     is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
     sha256 = digests[0] if is_whole else digest(counts, existence=likely)
     unjudged = unjudged_of(aligned, request)
@@ -486,7 +487,7 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
+        across = NOT_COUNTED if request.ignoring is not None and request.ignoring.gaps else ""
         cutoff = request.parameters.cutoff
         axis = on_axis(given, time_matching, distance, names, cutoff, across)
         axis = charged(axis, time_matching, distance, names, cutoff)

@@ -347,7 +347,7 @@ def values_of(
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """How many other objects of this side are nearer than the cutoff."""
-    seen = side.seen_as(distance.kinds)
+    seen = side.reduced_to(distance.kinds)
     effort = Resources(jobs=1)
     both, distance = distance.prepared((seen, seen), effort)
     margin = distance.margin(both, cutoff)

@@ -193,8 +193,8 @@ class Trials:
             distance, truth = self.sides.distance, self.aligned.truth
             own = after.chosen(np.flatnonzero(np.isin(track, list(tracks))))
             pairs = near_pairs(
-                truth.seen_as(distance.kinds),
-                own.seen_as(distance.kinds),
+                truth.reduced_to(distance.kinds),
+                own.reduced_to(distance.kinds),
                 self.parameters.cutoff,
                 distance,
             )

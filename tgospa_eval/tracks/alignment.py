@@ -198,15 +198,15 @@ class TimeMatching:
     @property
     def recorded(self) -> dict[str, object]:
         """What changes the number, by the names of the JSON."""
-        found: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
+        record: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
         for name in ("interpolate", "resample", "period", "outage"):
             if getattr(self, name) is not None:
-                found[name] = getattr(self, name)
+                record[name] = getattr(self, name)
         if self.max_gap is not None:
-            found["max_gap"] = self.gaps[0] if len(self.gaps) == 1 else list(self.gaps)
+            record["max_gap"] = self.gaps[0] if len(self.gaps) == 1 else list(self.gaps)
         if self.steps is not None:
-            found["steps"] = self.steps.text
-        return found
+            record["steps"] = self.steps.text
+        return record
 
 
 def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
@@ -263,11 +263,11 @@ def align(
     estimate: Trajectories,
     matching: TimeMatching | None = None,
     names: tuple[str, str] = ("truth", "estimate"),
-    charged: Times | None = None,
+    outage_times: Times | None = None,
 ) -> Alignment:
     """Put both on one grid; `names` are for messages.
 
-    Stamps of the truth in outages of the estimate, which are `charged`, count in any case.
+    Stamps of the truth in outages of the estimate, which are `outage_times`, count in any case.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def align(
         own = second
         second, close = joined_to(second, first, matching.near, clock)
         joined = int(np.count_nonzero(close))
-        moved = float(apart_of(own, second).max(initial=0))
+        moved = float(time_differences(own, second).max(initial=0))
         farthest = moved / (SECOND if clock != "number" else 1)
     times = _union(first, second)
     on = np.searchsorted(times, first), np.searchsorted(times, second)
@@ -304,8 +304,8 @@ def align(
     both = has.all(axis=0)
     chosen = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1], "common": both}
     counted = chosen[matching.grid]
-    if charged is not None:
-        counted = counted | np.isin(times, charged)
+    if outage_times is not None:
+        counted = counted | np.isin(times, outage_times)
 
     def on_steps(side: Trajectories, at: Ints) -> Trajectories:
         """The side on those of the times that count."""
@@ -339,7 +339,7 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
     other = there[mine]
-    return mine, other, apart_of(first[mine], second[other])
+    return mine, other, time_differences(first[mine], second[other])
 
 
 def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
@@ -347,24 +347,24 @@ def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple
 
     And which of the pairs of nearest stamps those are.
     """
-    first, second, apart = nearest(mine, theirs)
-    close = (apart > 0) & within(apart, tolerance, (mine, theirs), clock)
+    first, second, difference = nearest(mine, theirs)
+    close = (difference > 0) & within(difference, tolerance, (mine, theirs), clock)
     joined = mine.astype(np.result_type(mine, theirs))
     joined[first[close]] = theirs[second[close]]
     return joined, close
 
 
-def within(apart: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
+def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Whether distances of stamps are within the tolerance.
 
     Decimal stamps are rounded when they are read, by half a spacing of doubles each; a distance
     that exceeds the tolerance by no more is that of the decimals that were written.
     """
-    if apart.dtype.kind == "u":
-        most = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
+    if difference.dtype.kind == "u":
+        bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
         # Rounded to a tenth first: 0.29 s are 290,000,000 ns, though the product is below that.
-        return np.asarray(apart <= min(math.floor(round(most, 1)), 2**64 - 1))
-    return np.asarray(apart <= tolerance + _spacing(*sides))
+        return np.asarray(difference <= min(math.floor(round(bound, 1)), 2**64 - 1))
+    return np.asarray(difference <= tolerance + _spacing(*sides))
 
 
 def comparable(
@@ -409,13 +409,13 @@ def _nearest(own: Times, other: Times) -> Ints:
     """Position of the nearest of the others for each, ties to the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
-    left, right = apart_of(own, other[before]), apart_of(own, other[after])
+    left, right = time_differences(own, other[before]), time_differences(own, other[after])
     if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
-def apart_of(a: Times, b: Times) -> Times:
+def time_differences(a: Times, b: Times) -> Times:
     """Distances; of integers as uint64, which holds any, by arithmetic modulo 2^64."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
@@ -503,12 +503,12 @@ class Held:
             reports = self.reports.chosen(rows[some], at[some] - begin, times[part], own)
             yield (self.truth_at(reports), reports), rows[some]
 
-    def on_clock(self, found: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
+    def on_clock(self, pairs: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
         """Pairs of truths and reports as pairs of rows on the clock, where both are.
 
         Parameters
         ----------
-        found : tuple of (N,) arrays
+        pairs : tuple of (N,) arrays
             Number of the truth, row of the report, distance.
         sides : pair of Trajectories
             Both on the clock.
@@ -519,7 +519,7 @@ class Held:
             Rows of truth and estimate, in order, and distances.
         """
         truth, estimate = sides
-        track, report, distance = found
+        track, report, distance = pairs
         own = np.full(max(len(self.truths), 1), -1)
         own[self.number(truth)] = np.arange(len(truth.ids))
         order = np.argsort(report, kind="stable")

@@ -98,21 +98,21 @@ class Clouds:
     def means(self) -> Floats:
         """Weighted means (R, d), from differences to a particle of the cloud each."""
         centre = self.points[self.first[:-1]]
-        apart = self.points - np.repeat(centre, self.counts, axis=0)
-        return np.asarray(centre + self.sums(self.weights[:, None] * apart))
+        difference = self.points - np.repeat(centre, self.counts, axis=0)
+        return np.asarray(centre + self.sums(self.weights[:, None] * difference))
 
     @cached_property
     def covariances(self) -> Floats:
         """Weighted covariances (R, d, d), with the divisor 1."""
-        apart = self.points - np.repeat(self.means, self.counts, axis=0)
-        size = apart.shape[1]
-        found = np.empty((len(self), size, size))
+        difference = self.points - np.repeat(self.means, self.counts, axis=0)
+        size = difference.shape[1]
+        matrices = np.empty((len(self), size, size))
         for i in range(size):
             for j in range(i + 1):
-                found[:, i, j] = found[:, j, i] = self.sums(
-                    self.weights * apart[:, i] * apart[:, j]
+                matrices[:, i, j] = matrices[:, j, i] = self.sums(
+                    self.weights * difference[:, i] * difference[:, j]
                 )
-        return found
+        return matrices
 
     def chosen(self, rows: Ints) -> "Clouds":
         """Some of the clouds, in order."""
@@ -151,8 +151,8 @@ class Clouds:
         passed: Callable[[Iterator[Changed]], Iterator[Cloud]],
     ) -> "Clouds":
         """Each cloud changed by a function, in so many threads, and as `passed` lets it go by."""
-        found = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
-        return joined(list(passed(found)), self)
+        clouds = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
+        return joined(list(passed(clouds)), self)
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:

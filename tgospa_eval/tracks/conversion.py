@@ -65,14 +65,14 @@ class Duration(float):
             return given
         value, unit = given, ""
         if isinstance(given, str):
-            found = DURATION.fullmatch(given)
-            if found is None or found[2] not in ("", *TIME_UNITS):
+            match = DURATION.fullmatch(given)
+            if match is None or match[2] not in ("", *TIME_UNITS):
                 raise ConfigError(
                     f"{name} is {quoted(given)}: must be a number, or one with a unit of "
                     f"{', '.join(TIME_UNITS)}, such as 20ms"
                 )
-            unit = found[2]
-            value = float(found[1]) * TIME_UNITS[unit] / SECOND if unit else float(found[1])
+            unit = match[2]
+            value = float(match[1]) * TIME_UNITS[unit] / SECOND if unit else float(match[1])
         if isinstance(value, bool) or not isinstance(value, int | float | np.number):
             raise ConfigError(f"{name} is {given!r}: must be a number, or a text such as 20ms")
         if not 0 <= value < math.inf:
@@ -201,10 +201,10 @@ def stretch(
     count = max((end - begin) // step + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(f"{name}: has {count:,} steps; at most {MAX_STEPS:,} are evaluated")
-    found = [begin + k * step for k in range(count)]
-    if scale == 1 and all(-(2**63) <= x < 2**63 for x in found[:1] + found[-1:]):
-        return np.array(found, np.int64)
-    return np.array([x / scale for x in found], float)  # of integers: rounded once
+    ticks = [begin + k * step for k in range(count)]
+    if scale == 1 and all(-(2**63) <= x < 2**63 for x in ticks[:1] + ticks[-1:]):
+        return np.array(ticks, np.int64)
+    return np.array([x / scale for x in ticks], float)  # of integers: rounded once
 
 
 EXACT_INTEGERS = 2.0**53
@@ -258,8 +258,8 @@ class Conversion:
         """What changes something of a truth or an estimate, by the names of the JSON."""
         neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
         values = {name: getattr(self, name) for name in neutral}
-        found: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
-        return found | ({f"{role}_scale": dict(self.scale)} if self.scale else {})
+        record: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
+        return record | ({f"{role}_scale": dict(self.scale)} if self.scale else {})
 
     def times(
         self, times: TimeArray, clock: str, labels: NDArray[np.object_] | None, name: str
@@ -287,16 +287,16 @@ class Conversion:
         exact = Context(prec=DIGITS_OF_SUMS, traps=[Overflow])
         factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
         try:
-            found = [exact.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
+            values = [exact.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
         except Overflow:
             raise ConfigError(_beyond(name)) from None
-        size = max(abs(found[0]), abs(found[-1]))
-        whole = all(value == value.to_integral_value() for value in found)
+        size = max(abs(values[0]), abs(values[-1]))
+        whole = all(value == value.to_integral_value() for value in values)
         converted: TimeArray
         if whole and size < 2**63 and (times.dtype.kind == "i" or size >= EXACT_INTEGERS):
-            converted = np.array([int(value) for value in found], np.int64)
+            converted = np.array([int(value) for value in values], np.int64)
         else:
-            converted = np.array([float(value) for value in found]) + 0.0
+            converted = np.array([float(value) for value in values]) + 0.0
         if not np.isfinite(converted[[0, -1]].astype(float)).all():
             raise ConfigError(_beyond(name))
         same = np.flatnonzero(converted[1:] <= converted[:-1])
@@ -337,8 +337,8 @@ class Conversion:
                     return one
             return near
 
-        found = [before(time) for time in side.times.tolist()]
-        return replace(side, times=np.array(found, None if found else side.times.dtype))
+        originals = [before(time) for time in side.times.tolist()]
+        return replace(side, times=np.array(originals, None if originals else side.times.dtype))
 
     def undone(self, side: Trajectories) -> Trajectories:
         """The side in the units from which this converts, as near as doubles are.
@@ -424,19 +424,19 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
         One is too large for a number.
     """
     with np.errstate(over="ignore"):
-        found = state * factors
-    if np.isinf(found).any():
+        product = state * factors
+    if np.isinf(product).any():
         raise ConfigError(f"{name}: a state becomes too large for a number by its scale")
-    return found
+    return product
 
 
 def _divided(values: Floats, factors: Floats) -> Floats:
     """Quotients, of the doubles around each the one whose product is the value, if there is one."""
-    found = values / factors
+    ratio = values / factors
     for toward in (-np.inf, np.inf):
-        other = np.nextafter(found, toward)
-        found = np.where((found * factors != values) & (other * factors == values), other, found)
-    return found
+        other = np.nextafter(ratio, toward)
+        ratio = np.where((ratio * factors != values) & (other * factors == values), other, ratio)
+    return ratio
 
 
 def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:

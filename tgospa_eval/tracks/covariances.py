@@ -71,28 +71,28 @@ def factor(packed: Floats) -> Floats:
         return np.sqrt(np.maximum(packed, 0.0))
     if d == 2:
         return _factor_two(*packed)
-    found, share = _factor_many(packed)
+    factors, share = _factor_many(packed)
     ill = np.flatnonzero(share < ILL)
     for begin in range(0, len(ill), MATRICES_TOGETHER):
         part = ill[begin : begin + MATRICES_TOGETHER]
-        found[:, part] = _factor_pivoted(packed[:, part])
-    return found
+        factors[:, part] = _factor_pivoted(packed[:, part])
+    return factors
 
 
 def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     """``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
-    found = np.zeros((3, len(a)))
+    factors = np.zeros((3, len(a)))
     a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
-    np.sqrt(a, out=found[0])
-    most = np.sqrt(c)
+    np.sqrt(a, out=factors[0])
+    bound = np.sqrt(c)
     left = c.copy()
     # What overflows, where it is a covariance but for rounding, is cut, or below 0.
     with np.errstate(over="ignore"):
-        np.divide(b, found[0], out=found[1], where=a > 0)
-        np.clip(found[1], -most, most, out=found[1])
+        np.divide(b, factors[0], out=factors[1], where=a > 0)
+        np.clip(factors[1], -bound, bound, out=factors[1])
         np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
-    np.sqrt(left, out=found[2], where=left > 4 * MACHINE_EPSILON * c)
-    return found
+    np.sqrt(left, out=factors[2], where=left > 4 * MACHINE_EPSILON * c)
+    return factors
 
 
 def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
@@ -116,7 +116,7 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
     """Factors, and the least share of a variance that is left by the components before."""
     d = size_of(len(packed))
     at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
-    found = np.zeros_like(packed)
+    factors = np.zeros_like(packed)
     variance = [np.maximum(packed[at[i, i]], 0.0) for i in range(d)]
     left = [v.copy() for v in variance]
     share = np.ones(packed.shape[1])
@@ -124,17 +124,17 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
         own = np.divide(left[j], variance[j], out=np.ones_like(share), where=variance[j] > 0)
         np.minimum(share, own, out=share)
         positive = left[j] > 0
-        pivot = found[at[j, j]]
+        pivot = factors[at[j, j]]
         np.sqrt(left[j], out=pivot, where=positive)
         for i in range(j + 1, d):
-            entry = found[at[i, j]]
-            rest = packed[at[i, j]] - sum(found[at[i, k]] * found[at[j, k]] for k in range(j))
+            entry = factors[at[i, j]]
+            rest = packed[at[i, j]] - sum(factors[at[i, k]] * factors[at[j, k]] for k in range(j))
             with np.errstate(over="ignore"):  # is cut
                 np.divide(rest, pivot, out=entry, where=positive)
-            most = np.sqrt(np.maximum(left[i], 0.0))
-            np.clip(entry, -most, most, out=entry)
+            bound = np.sqrt(np.maximum(left[i], 0.0))
+            np.clip(entry, -bound, bound, out=entry)
             left[i] -= entry * entry
-    return found, share
+    return factors, share
 
 
 def _factor_pivoted(packed: Floats) -> Floats:
@@ -151,21 +151,21 @@ def _factor_pivoted(packed: Floats) -> Floats:
     unit = np.where(deviation > 0, deviation, 1)
     matrices /= unit[:, :, None]
     matrices /= unit[:, None, :]
-    found = np.zeros_like(matrices)
+    factors = np.zeros_like(matrices)
     left = np.where(deviation > 0, np.longdouble(1), np.longdouble(0))
     for k in range(d):
         pivot = np.argmax(left, axis=1)
         size = left[row, pivot]
         positive = size > 4 * d * MACHINE_EPSILON
         root = np.sqrt(np.where(positive, size, 1))
-        known = (found[:, :, :k] * found[row, pivot, None, :k]).sum(axis=2)
+        known = (factors[:, :, :k] * factors[row, pivot, None, :k]).sum(axis=2)
         entry = (matrices[row, :, pivot] - known) / root[:, None]
-        most = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
-        entry = np.where(positive[:, None], np.clip(entry, -most, most), 0)
-        found[:, :, k] = entry
+        bound = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
+        entry = np.where(positive[:, None], np.clip(entry, -bound, bound), 0)
+        factors[:, :, k] = entry
         left -= entry * entry
         left[row, pivot] = -1  # never again
-    columns = (found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
+    columns = (factors * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
     upper = np.asarray(np.linalg.qr(columns, mode="r"))
     upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
     return pack(upper.transpose(0, 2, 1))
@@ -288,9 +288,9 @@ def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, I
     They may differ by a millionth, or by rounding of the `scale`, the root of the product of the
     two variances.
     """
-    apart = np.abs(entry - mirrored)
+    difference = np.abs(entry - mirrored)
     largest = np.maximum(np.abs(entry), np.abs(mirrored))
-    wrong = apart > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
+    wrong = difference > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
     return entry + 0.5 * (mirrored - entry), np.flatnonzero(wrong)
 
 

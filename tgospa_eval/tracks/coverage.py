@@ -30,7 +30,7 @@ MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
 """Of truth and estimate the rule of ``--ignore`` that asks for its marks, and their column."""
 
-NOT_JUDGED = "\0not judged"
+NOT_COUNTED = "\0not judged"
 """The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
 No column of a file has such a name."""
 
@@ -57,10 +57,10 @@ def marks_of(side: Trajectories, name: str) -> Mask:
     if given is None:
         return np.zeros(len(side.step), bool)
     if given.dtype.kind == "f":
-        meant = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
+        marks = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
     else:
-        meant = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
-    found, odd = (np.array([mark is kind for mark in meant], bool) for kind in (True, None))
+        marks = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
+    is_marked, odd = (np.array([mark is kind for mark in marks], bool) for kind in (True, None))
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
@@ -68,15 +68,15 @@ def marks_of(side: Trajectories, name: str) -> Mask:
             f"t = {side.shown[side.step[row]]} is {quoted(str(given[row]))}; must be 0 or 1, false "
             "or true"
         )
-    return found
+    return is_marked
 
 
 def marked(side: Trajectories, rows: Mask) -> Trajectories:
     """With these rows not judged, beside those that are not."""
     if not rows.any():
         return side
-    marks = (marks_of(side, NOT_JUDGED) | rows).astype(np.float64)
-    return replace(side, attributes={**side.attributes, NOT_JUDGED: marks})
+    marks = (marks_of(side, NOT_COUNTED) | rows).astype(np.float64)
+    return replace(side, attributes={**side.attributes, NOT_COUNTED: marks})
 
 
 def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
@@ -97,7 +97,7 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
-JUDGED_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
+COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
 """What comparisons read of a record."""
 
 
@@ -164,8 +164,8 @@ class Coverage:
     def record(self) -> dict[str, object]:
         """As it stands in the JSON document."""
         first, last = (self.ends[0], self.ends[-1]) if self.ends else (None, None)
-        steps, *others = ((name, getattr(self, name)) for name in JUDGED_FIELDS)
-        return dict([steps, ("first", first), ("last", last), *others])
+        steps, *rest = ((name, getattr(self, name)) for name in COVERAGE_FIELDS)
+        return dict([steps, ("first", first), ("last", last), *rest])
 
 
 def judge(
@@ -216,11 +216,11 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
     records : mapping of str to mapping
         What each was judged on, as `Coverage.record`.
     """
-    first, *others = records.values()
+    first, *rest = records.values()
     differing = [
         what
         for what, name in (("steps", "steps_sha256"), ("truth", "truth_sha256"))
-        if any(other[name] != first[name] for other in others)
+        if any(other[name] != first[name] for other in rest)
     ]
     if not differing:
         return ""
@@ -239,9 +239,9 @@ def _steps_of(record: Mapping[str, Any]) -> str:
     return f"{at:,} of {counted(horizon, 'step')}"
 
 
-def judged_of(row: Mapping[str, Any]) -> dict[str, Any]:
+def coverage_of(row: Mapping[str, Any]) -> dict[str, Any]:
     """What a comparison reads, of the row of a table."""
-    return {name: row[f"judged.{name}"] for name in JUDGED_FIELDS}
+    return {name: row[f"judged.{name}"] for name in COVERAGE_FIELDS}
 
 
 def digest_of_times(ticks: TimeArray, clock: str) -> str:
@@ -277,14 +277,14 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
     They tell data apart that differ by accident; somebody who looks for other data with the same
     sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
     """
-    marks = marks_of(side, NOT_JUDGED)
+    marks = marks_of(side, NOT_COUNTED)
     if not marks.any():
         return _row_sums(side, existence=existence)
-    judged, others = (side.chosen(np.flatnonzero(marks == kind)) for kind in (False, True))
+    evaluated, excluded = (side.chosen(np.flatnonzero(marks == kind)) for kind in (False, True))
     return _added(
         [
-            _row_sums(judged, existence=existence),
-            _row_sums(others, existence=existence, marked=True),
+            _row_sums(evaluated, existence=existence),
+            _row_sums(excluded, existence=existence, marked=True),
         ]
     )
 
@@ -293,7 +293,7 @@ def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> t
     """The same of rows that are all marked, or none."""
     names = b"".join([_hash_of(name) for name in side.ids.tolist()])
     ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
-    moments = _bits(side.times)
+    timestamps = _bits(side.times)
     tables = [side.state] if side.covariance is None else [side.state, side.covariance]
     if existence:
         tables.append(existence_of(side)[:, None])
@@ -301,22 +301,22 @@ def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> t
         tables.append(np.ones((len(side.step), 1)))
     numbers = [unsigned_zeros(table).view(np.uint64) for table in tables]
     if kernels is not None and side.step.dtype == side.track.dtype == np.int32:
-        sums = kernels.hash_rows(moments, ids, side.step, side.track, numbers, LANES)
+        sums = kernels.hash_rows(timestamps, ids, side.step, side.track, numbers, LANES)
         return len(side.step), *sums
     sums = [0] * len(LANES)
     for first in range(0, len(side.step), HASHED):
         rows = slice(first, first + HASHED)
-        found = moments[side.step[rows]] * LANES
+        hashes = timestamps[side.step[rows]] * LANES
         columns = (column for table in numbers for column in table[rows].T)
         for column in (ids[side.track[rows]].T, *columns):
-            found ^= found >> DOWN
-            found ^= column
-            found *= LANES
+            hashes ^= hashes >> DOWN
+            hashes ^= column
+            hashes *= LANES
         for _ in range(2):
-            found ^= found >> DOWN
-            found *= LANES
-        found ^= found >> DOWN
-        sums = [old + new for old, new in zip(sums, found.sum(axis=1).tolist(), strict=True)]
+            hashes ^= hashes >> DOWN
+            hashes *= LANES
+        hashes ^= hashes >> DOWN
+        sums = [old + new for old, new in zip(sums, hashes.sum(axis=1).tolist(), strict=True)]
     return len(side.step), *(total % MODULUS for total in sums)
 
 

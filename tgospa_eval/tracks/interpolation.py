@@ -13,9 +13,9 @@ from tgospa_eval.tracks.alignment import (
     Held,
     TimeMatching,
     Times,
-    apart_of,
     comparable,
     joined_to,
+    time_differences,
     within,
 )
 from tgospa_eval.tracks.conversion import SECOND
@@ -91,7 +91,7 @@ def interpolated(
             f"interpolated; leave it out, or compare means with another {option('distance')}"
         )
     mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-    at, there = found_at(mine, theirs)
+    at, there = find_times(mine, theirs)
     own = np.flatnonzero(there[side.step])
     before, after, step, share, wide = _between(side, mine, theirs, max_gap, across=bool(across))
     nearer = np.where(share <= 0.5, before, after)
@@ -107,9 +107,9 @@ def interpolated(
     if across:
         marks, away = marks_of(side, across)[source], np.zeros(len(order))
         marks[len(own) :] |= wide
-        away[len(own) :] = wide * np.minimum(share, 1 - share) * _apart(side, before, after)
+        away[len(own) :] = wide * np.minimum(share, 1 - share) * _duration(side, before, after)
         attributes |= {across: marks[order].astype(np.float64), AWAY: away[order]}
-    found = replace(
+    filled = replace(
         side,
         step=steps[order],
         track=side.track[source[order]],
@@ -120,7 +120,7 @@ def interpolated(
         labels=other.labels,
     )
     between = len(step) - int(np.count_nonzero(wide))
-    return found.chosen(np.arange(len(order))), (between, len(own), rows - len(own))
+    return filled.chosen(np.arange(len(order))), (between, len(own), rows - len(own))
 
 
 def at_ticks(
@@ -133,12 +133,12 @@ def at_ticks(
     InputError
         The stamps cannot be compared.
     """
-    at, there = found_near(side, ticks, tolerance, names)
+    at, there = match_times(side, ticks, tolerance, names)
     rows = np.flatnonzero(there[side.step])
     return side.chosen(rows, at[side.step[rows]], ticks.times, ticks.labels, ticks.clock)
 
 
-def found_near(
+def match_times(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> tuple[Ints, Mask]:
     """Where the stamps of a side are among those of another, and which of them are there.
@@ -151,10 +151,10 @@ def found_near(
     mine, theirs = comparable(side, other, names)
     if len(mine) and len(theirs):
         mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-    return found_at(mine, theirs)
+    return find_times(mine, theirs)
 
 
-def found_at(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
+def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
     """Where own stamps are among others, and which of them are there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
@@ -172,7 +172,7 @@ def _between(
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
-    gap = apart_of(time[1:], time[:-1])
+    gap = time_differences(time[1:], time[:-1])
     narrow = within(gap, max_gap, (mine, theirs), side.clock)
     first = np.flatnonzero((track[1:] == track[:-1]) & (narrow | across))
     begin = np.searchsorted(theirs, time[first], side="right")
@@ -180,14 +180,14 @@ def _between(
     step = concatenated(begin, count)
     wide = np.repeat(~narrow[first], count)
     first, gap = np.repeat(first, count), np.repeat(gap[first], count)
-    share = apart_of(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
+    share = time_differences(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share, wide
 
 
-def _apart(side: Trajectories, before: Ints, after: Ints) -> Floats:
+def _duration(side: Trajectories, before: Ints, after: Ints) -> Floats:
     """Time between some rows and others, in seconds or the unit of the stamps."""
-    apart = side.times[side.step[after]] - side.times[side.step[before]]
-    return apart / (1 if side.clock == "number" else SECOND)
+    difference = side.times[side.step[after]] - side.times[side.step[before]]
+    return difference / (1 if side.clock == "number" else SECOND)
 
 
 def on_lines(
@@ -195,18 +195,18 @@ def on_lines(
 ) -> Floats:
     """States on the way from some rows to others, at a share of it (N,)."""
     first, second = side.state[before], side.state[after]
-    found = _mixed(first, second, share)
+    states = _mixed(first, second, share)
     for k, column in enumerate(side.columns):
         period = periods.get(column)
         if period is None:
             continue
         way = second[:, k] - first[:, k]
         way -= period * np.round(way / period)
-        found[:, k] = first[:, k] + share * way
+        states[:, k] = first[:, k] + share * way
         if column == "lon":  # which has to stay what it is
-            beyond = np.abs(found[:, k]) > HALF_TURN
-            found[beyond, k] -= np.copysign(2 * HALF_TURN, found[beyond, k])
-    return found
+            beyond = np.abs(states[:, k]) > HALF_TURN
+            states[beyond, k] -= np.copysign(2 * HALF_TURN, states[beyond, k])
+    return states
 
 
 def _mixed(first: Floats, second: Floats, share: Floats) -> Floats:

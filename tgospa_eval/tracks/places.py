@@ -70,12 +70,12 @@ class Frame:
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
         """Which places (d, R) are none in a column, the column, and what the first is."""
-        for k, _, least, most in LIMITS.get(self.kind, ()):
+        for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
-                wrong = (axes[k] < least) | (axes[k] > most)
+                wrong = (axes[k] < low) | (axes[k] > high)
                 if wrong.any():
                     value, count = axes[k][int(np.argmax(wrong))], int(np.count_nonzero(wrong))
-                    limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
+                    limits = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
                     return wrong, columns[k], f"{value:g}{more(count)} must be {limits}"
         return None
 
@@ -142,7 +142,7 @@ def parse_origin(text: str) -> tuple[float, float, float]:
     if (
         len(known) != len(numbers)
         or len(known) not in (2, 3)
-        or not all(abs(known[k]) <= most for k, _, _, most in LIMITS["earth"])
+        or not all(abs(known[k]) <= limit for k, _, _, limit in LIMITS["earth"])
     ):
         raise ConfigError(
             f"{option('origin')} {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and "
@@ -156,8 +156,8 @@ def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
     """Latitude, longitude and perhaps height of local states, east, north and perhaps up."""
     latitude, longitude, height = origin
     if states.shape[1] > 2:
-        found = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
-        return np.column_stack((found[1], found[0], found[2]))
+        earth = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
+        return np.column_stack((earth[1], earth[0], earth[2]))
     centre = np.full(len(states), longitude), np.full(len(states), latitude)
     direction = np.degrees(np.arctan2(states[:, 0], states[:, 1]))
     east, north, _ = ellipsoid().fwd(*centre, direction, np.hypot(*states.T))
@@ -243,8 +243,8 @@ class Frames:
                 continue
             flat = self._converted(side.state[:, :2], frame, 2)
             true = self._converted(side.state, frame, 3)
-            seen = true if local.kind == "polar" else true[:, :2]
-            loss = np.abs(np.linalg.norm(seen, axis=1) - np.linalg.norm(flat, axis=1)).max()
+            compared = true if local.kind == "polar" else true[:, :2]
+            loss = np.abs(np.linalg.norm(compared, axis=1) - np.linalg.norm(flat, axis=1)).max()
             what = "ranges" if local.kind == "polar" else "x and y"
             need = "elevation" if local.kind == "polar" else "z"
             return Notice(
@@ -270,14 +270,14 @@ class Frames:
                 f"{name}: has covariances, which are not converted to other coordinates; compare "
                 f"means with another {option('distance')}, or write both files in one frame"
             )
-        for k, what, least, most in LIMITS.get(frame.kind, ()):
+        for k, what, low, high in LIMITS.get(frame.kind, ()):
             if k >= len(wanted) or not len(side.state):
                 continue
             value = side.state[:, k]
-            off = (value < least) | (value > most)
+            off = (value < low) | (value > high)
             if off.any():
                 row = int(np.argmax(off))
-                limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
+                limits = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
                 raise InputError(
                     f"{name}: id {quoted(side.ids[side.track[row]])} at t = "
                     f"{side.shown[side.step[row]]} has the {what} {value[row]:g}; must be {limits}"
@@ -285,12 +285,12 @@ class Frames:
 
     def _moved(self, side: Trajectories, frame: Frame, columns: tuple[str, ...]) -> Trajectories:
         def moved(states: Floats) -> Floats:
-            found = self._converted(states, frame, len(columns))
-            if not np.isfinite(found).all():
+            places = self._converted(states, frame, len(columns))
+            if not np.isfinite(places).all():
                 raise InputError(
                     f"{frame.option} {frame.text}: places are outside of what it can express"
                 )
-            return found
+            return places
 
         if side.clouds is None:
             return replace(side, columns=columns, state=moved(side.state))
@@ -310,8 +310,8 @@ class Frames:
             return np.ascontiguousarray(earth)
         latitude, longitude, _ = self.begin
         if size > 2:
-            found = topocentric(*self.begin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
-            return np.column_stack(found)
+            places = topocentric(*self.begin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
+            return np.column_stack(places)
         centre = np.full(len(earth), longitude), np.full(len(earth), latitude)
         direction, _, length = ellipsoid().inv(*centre, earth[:, 1].copy(), earth[:, 0].copy())
         direction = np.radians(direction)

@@ -47,7 +47,7 @@ def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
     InputError
         One is not of this length.
     """
-    found: dict[str, Values] = {}
+    arrays: dict[str, Values] = {}
     for name, given in attributes.items():
         values = np.asarray(given)
         if values.shape != (rows,):
@@ -63,9 +63,9 @@ def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
         else:
             texts = ["" if value is None else str(value) for value in values.tolist()]
             kept = np.array(texts, dtype=object)
-        found[str(name)] = kept.view()
-        found[str(name)].setflags(write=False)
-    return found
+        arrays[str(name)] = kept.view()
+        arrays[str(name)].setflags(write=False)
+    return arrays
 
 
 def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
@@ -75,11 +75,11 @@ def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
 
 def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
     """The attributes of the first, with so many more rows; missing where the second lacks one."""
-    found: dict[str, Values] = {}
+    joined: dict[str, Values] = {}
     for name, values in first.items():
         missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
-        found[name] = np.concatenate((values, second.get(name, missing)))
-    return found
+        joined[name] = np.concatenate((values, second.get(name, missing)))
+    return joined
 
 
 TimeArray = NDArray[np.int64] | Floats
@@ -254,7 +254,7 @@ class Trajectories:
         )
 
     @property
-    def second_moments(self) -> Floats | None:
+    def spread(self) -> Floats | None:
         """Lower triangles (R, d (d + 1) / 2) of what is around each state, if anything is."""
         if self.clouds is None:
             return self.covariance
@@ -339,7 +339,7 @@ class Trajectories:
             return "cloud"
         return "point" if self.covariance is None else "gaussian"
 
-    def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
+    def reduced_to(self, kinds: tuple[str, ...]) -> "Trajectories":
         """As points, unless its states are of one of these kinds."""
         if self.kind in ("point", *kinds):
             return self

@@ -81,8 +81,8 @@ EXISTENCE = "existence"
 
 def existence_of(side: Trajectories) -> Floats:
     """The probability of each row (R,)."""
-    found = side.attributes.get(EXISTENCE)
-    return np.ones(len(side.step)) if found is None else np.asarray(found, np.float64)
+    given = side.attributes.get(EXISTENCE)
+    return np.ones(len(side.step)) if given is None else np.asarray(given, np.float64)
 
 
 def expected(
@@ -105,8 +105,8 @@ def expected(
             f"{option('existence', 'use')}: neither {names[0]} nor {names[1]} has a column "
             f"{EXISTENCE}"
         )
-    found = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
-    return found[0], found[1]
+    possible = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
+    return possible[0], possible[1]
 
 
 def _possible(side: Trajectories, name: str) -> Trajectories:
