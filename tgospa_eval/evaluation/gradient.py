@@ -25,7 +25,7 @@ from tgospa_eval.text import option
 def gradient(result: PairEvaluation) -> Gradient:
     """Derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
-    if sides.alignment.held is not None:
+    if sides.alignment.reports is not None:
         raise ConfigError(
             f"{option('resample')}: reports hold for several steps, and no derivative by their "
             "states is known; evaluate at the times of the estimate, "

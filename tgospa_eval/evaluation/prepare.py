@@ -45,7 +45,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of, expected
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
     from tgospa_eval.tracks.weights import WeightsByTime
 
 
@@ -221,8 +221,8 @@ class NearPairs:
                 return pairs
             return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
 
-        held = aligned.held
-        if held is None:
+        reports = aligned.reports
+        if reports is None:
             pairs = pairs_of(sides, reach)
         else:
 
@@ -230,7 +230,7 @@ class NearPairs:
                 seen = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
                 return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
 
-            pairs = held_pairs(held, (aligned.truth, aligned.estimate), at_reports)
+            pairs = clock_pairs(reports, (aligned.truth, aligned.estimate), at_reports)
             most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
             pairs = pairs.chosen(np.flatnonzero(pairs.distance <= most))
         return cls(
@@ -239,7 +239,7 @@ class NearPairs:
             pairs=pairs,
             unjudged=unjudged,
             reach=reach,
-            given=held is not None,
+            given=reports is not None,
         )
 
     def problem(self, parameters: Parameters) -> Problem:
@@ -287,16 +287,16 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
-def held_pairs(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
+def clock_pairs(clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
     """Pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
     found: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
-    for (truth, reports), rows in held.blocks():
+    for (truth, reports), rows in clock.blocks():
         part = search((truth, reports))
-        track = held.number(truth)[truth.track[part.truth_row]]
+        track = clock.number(truth)[truth.track[part.truth_row]]
         found.append((track, rows[part.estimate_row], part.distance))
     track, report, distance = map(np.concatenate, zip(*found, strict=True))
-    row, other, length = held.on_clock((track, report, distance), sides)
+    row, other, length = clock.on_clock((track, report, distance), sides)
     return Pairs(truth_row=row, estimate_row=other, distance=length)
 
 
@@ -304,7 +304,7 @@ def recorded_settings(
     distance: Distance,
     request: EvaluationRequest,
     columns: tuple[str, ...],
-    held: "Held | None" = None,
+    reports: "ClockReports | None" = None,
 ) -> dict[str, object]:
     """Every option that changes the number, without parameters and those of the solver."""
     return {
@@ -312,7 +312,7 @@ def recorded_settings(
         **distance.settings(columns),
         "columns": list(columns),
         **request.time_matching.recorded,
-        **({} if held is None else {"period": held.period}),
+        **({} if reports is None else {"period": reports.period}),
         "unit": request.unit,
         **_recorded_weights(request.step_weights),
         **({EXISTENCE: request.existence} if request.probabilistic else {}),
@@ -368,7 +368,7 @@ def measure(
             unit=request.unit,
         ),
         moments=truth.times,
-        settings=recorded_settings(distance, request, truth.columns, aligned.held),
+        settings=recorded_settings(distance, request, truth.columns, aligned.reports),
         recorded=recorded,
         **scene,
         step_weights=weights,
@@ -377,7 +377,7 @@ def measure(
             if request.probabilistic
             else None
         ),
-        held=aligned.held,
+        reports=aligned.reports,
     )
     return measured, near
 
@@ -500,8 +500,8 @@ def fit(
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
     silent = axis.outages.ticks if axis.outages is not None and axis.outages.charged else None
     aligned = align(truth, estimate, time_matching, names, silent)
-    if axis.held is not None:
-        aligned = replace(aligned, held=axis.held)
+    if axis.reports is not None:
+        aligned = replace(aligned, reports=axis.reports)
     if time_matching.of_estimate:  # its stamps, and those of its outages, are the horizon
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):

@@ -561,16 +561,16 @@ def slices_of(
 
 def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     aligned = fitted.alignment
-    sides, held = (aligned.truth, aligned.estimate), aligned.held
+    sides, reports = (aligned.truth, aligned.estimate), aligned.reports
     rows = len(sides[0].step), len(sides[1].step)
     found = []
     for attribute in by.attributes:
-        if held is None:
+        if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
         else:  # speeds and neighbours are those of reports
-            at = sides[0], held.reports
+            at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
-            values = first, None if second is None else second[held.row]
+            values = first, None if second is None else second[reports.row]
         found.append(members(attribute, values, rows, summed=by.summed))
     whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
     if len(whole.names) > MOST_CROSSINGS:

@@ -239,9 +239,9 @@ class Axes:
             own = slice(begin, begin + PAIRS_TOGETHER + 2)  # two more, for second differences
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.held is not None:  # on a common clock a report is judged at its own time
+            if compared.reports is not None:  # on a common clock a report is judged at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
-                located = compared.held.located(names, report)
+                located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
             else:  # a report that holds for several steps does not move
                 time, who = moments[truth.step[row]], sides[1].track[to[own]]

@@ -284,7 +284,7 @@ def explain(
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
-    if sides.alignment.held is not None:
+    if sides.alignment.reports is not None:
         raise ConfigError(
             f"explain: repairs are not known for {option('resample')}, where a report holds for "
             "several steps; evaluate at the times of the estimate, "

@@ -10,7 +10,7 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import (
-    Held,
+    ClockReports,
     TimeMatching,
     Times,
     comparable,
@@ -43,7 +43,7 @@ def interpolated(
     names: tuple[str, str] = ("estimate", "truth"),
     across: str = "",
 ) -> tuple[Trajectories, tuple[int, int, int]]:
-    """A side at the stamps of the other one; a side without stamps, on either hand, changes none.
+    """Interpolate a side at the times of the other one; if either has no times, it stays as it is.
 
     A state of a track at a stamp stays as it is. Where two consecutive states of a track are at
     most `max_gap` apart, the stamps between them get states on the straight line, covariances
@@ -126,7 +126,7 @@ def interpolated(
 def at_ticks(
     side: Trajectories, ticks: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> Trajectories:
-    """The rows of a side that are at some stamps, within the tolerance; other parameters as above.
+    """Return the rows of a side at some times, within the tolerance; parameters as above.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def at_ticks(
 def match_times(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> tuple[Ints, Mask]:
-    """Where the stamps of a side are among those of another, and which of them are there.
+    """Find the times of a side among those of another, within the tolerance.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def match_times(
 
 
 def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
-    """Where own stamps are among others, and which of them are there."""
+    """Find own times among others: their positions, and which of them are there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
     at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
@@ -165,7 +165,7 @@ def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
 ) -> tuple[Ints, Ints, Ints, Floats, Mask]:
-    """Rows before and after, the stamp between them, and its share of the way, for each new row.
+    """Return rows before and after, the time between them, and its share of the gap, of new rows.
 
     They are between consecutive states of a track that are not too far apart; or, `across`, of any,
     and the last array says between which these are.
@@ -185,7 +185,7 @@ def _between(
 
 
 def _duration(side: Trajectories, before: Ints, after: Ints) -> Floats:
-    """Time between some rows and others, in seconds or the unit of the stamps."""
+    """Return the time between pairs of rows, in seconds or the unit of the times."""
     difference = side.times[side.step[after]] - side.times[side.step[before]]
     return difference / (1 if side.clock == "number" else SECOND)
 
@@ -193,7 +193,7 @@ def _duration(side: Trajectories, before: Ints, after: Ints) -> Floats:
 def on_lines(
     side: Trajectories, before: Ints, after: Ints, share: Floats, periods: dict[str, float]
 ) -> Floats:
-    """States on the way from some rows to others, at a share of it (N,)."""
+    """Interpolate states between rows, at a share of the way (N,)."""
     first, second = side.state[before], side.state[after]
     states = _mixed(first, second, share)
     for k, column in enumerate(side.columns):
@@ -203,14 +203,14 @@ def on_lines(
         way = second[:, k] - first[:, k]
         way -= period * np.round(way / period)
         states[:, k] = first[:, k] + share * way
-        if column == "lon":  # which has to stay what it is
+        if column == "lon":  # longitudes stay within half a turn
             beyond = np.abs(states[:, k]) > HALF_TURN
             states[beyond, k] -= np.copysign(2 * HALF_TURN, states[beyond, k])
     return states
 
 
 def _mixed(first: Floats, second: Floats, share: Floats) -> Floats:
-    """On the straight line from one to the other, without overflow."""
+    """Interpolate linearly, without overflow."""
     share = share[:, None]
     return np.asarray((1 - share) * first + share * second)
 
@@ -222,8 +222,8 @@ def hold(
     matching: TimeMatching,
     truth_at: Callable[[Trajectories], Trajectories],
     names: tuple[str, str],
-) -> tuple[Trajectories, Held]:
-    """The estimate on a common clock, by the reports that hold there.
+) -> tuple[Trajectories, ClockReports]:
+    """Put the estimate on a common clock, where each report holds for its period.
 
     Inside a run of a track a report holds up to the middle between it and its neighbours, at the
     ends of a run for half a period. So n regular reports hold for n periods, and a single one for
@@ -278,8 +278,8 @@ def hold(
     linked = np.zeros(len(time), bool)
     linked[1:] |= joined
     linked[:-1] |= joined
-    held = Held(
-        reports=estimate,
+    reports = ClockReports(
+        estimate=estimate,
         row=row[order],
         truths=truth.ids,
         truth_at=truth_at,
@@ -288,12 +288,12 @@ def hold(
         source="median interval"
         if same.any()
         else "step of the clock, as no track has two reports",
-        alone=int(np.count_nonzero(~linked)),
+        single=int(np.count_nonzero(~linked)),
     )
     side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)
-    return side, held
+    return side, reports
 
 
 def _period(gaps: Floats, step: float) -> float:
-    """The median interval of a track's reports, of two the shorter; else that of the clock."""
+    """Return the median interval of reports, the shorter of two; else the clock's step."""
     return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

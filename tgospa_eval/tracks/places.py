@@ -43,7 +43,7 @@ FORMS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What the coordinates of a side are.
+    """Coordinates of a side: their kind, and how they become local or geodetic.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Frame:
     option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
-        """Which places (d, R) are none in a column, the column, and what the first is."""
+        """Return places (d, R) out of range in a column, that column, and the first value."""
         for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
                 wrong = (axes[k] < low) | (axes[k] > high)
@@ -80,7 +80,7 @@ class Frame:
         return None
 
     def to_local(self, states: Floats) -> Floats:
-        """East, north, perhaps up, of states that are local or polar."""
+        """Convert local or polar states to east, north and perhaps up."""
         if self.kind == "polar":
             bearing = np.radians(states[:, 1])
             flat = states[:, 0]
@@ -99,7 +99,7 @@ class Frame:
         return np.column_stack((east, north, states[:, 2:]))
 
     def to_earth(self, states: Floats) -> Floats:
-        """Latitude, longitude, perhaps height, of states that are on the Earth or of a system."""
+        """Convert geodetic or projected states to latitude, longitude and perhaps height."""
         if self.kind == "earth":
             return states
         x, y = from_crs(self.text, self.option).transform(states[:, 0], states[:, 1])
@@ -107,7 +107,7 @@ class Frame:
 
 
 def parse_frame(text: str, option: str) -> Frame:
-    """What a text such as ``lat,lon``, ``enu``, ``ned:30`` or ``EPSG:25832`` means.
+    """Parse a text such as ``lat,lon``, ``enu``, ``ned:30`` or ``EPSG:25832``.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def parse_frame(text: str, option: str) -> Frame:
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
-    """Latitude, longitude and height of the origin, ``LAT,LON[,ALT]``.
+    """Parse the latitude, longitude and height of the origin, ``LAT,LON[,ALT]``.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def parse_origin(text: str) -> tuple[float, float, float]:
 
 
 def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
-    """Latitude, longitude and perhaps height of local states, east, north and perhaps up."""
+    """Convert local states to latitude, longitude and perhaps height."""
     latitude, longitude, height = origin
     if states.shape[1] > 2:
         earth = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
@@ -166,7 +166,7 @@ def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """Those of truth and estimate, and where local axes begin.
+    """Frames of truth and estimate, and the origin of local axes.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Whether sides are local: of both alike a single value."""
+        """A set of both sides' answers: True for local axes."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
@@ -204,7 +204,7 @@ class Frames:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON."""
+        """Settings that change the number, by their JSON names."""
         truth, estimate = self.frames
         origin = {} if self.origin is None else {"origin": list(self.origin)}
         return {"truth_crs": truth.text, "estimate_crs": estimate.text, **origin}
@@ -212,7 +212,7 @@ class Frames:
     def joined(
         self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
-        """Both sides in one frame: local metres where one is local, else degrees and heights.
+        """Convert both sides to one frame: local metres if one is local, else degrees and heights.
 
         Heights take part where both sides have some. Where one has, that may move places sideways;
         the warning says how far.
@@ -235,7 +235,7 @@ class Frames:
     def _loss(
         self, sides: tuple[Trajectories, Trajectories], names: Sequence[str]
     ) -> Notice | None:
-        """A warning where local places lack the heights that the other side has."""
+        """Return a warning if local places lack the heights that the other side has."""
         for k, (side, frame) in enumerate(zip(sides, self.frames, strict=True)):
             local = self.frames[1 - k]
             is_high = frame.kind == "earth" and len(side.columns) > 2 and len(side.state)
@@ -298,12 +298,12 @@ class Frames:
         return replace(side, columns=columns, state=clouds.means, clouds=clouds)
 
     def _converted(self, states: Floats, frame: Frame, size: int) -> Floats:
-        """States of a frame in the common one, of so many columns."""
+        """Convert states of a frame to the common one, with so many columns."""
         if frame.kind in ("local", "polar"):
             local = frame.to_local(states)
             if size == local.shape[1] or self.begin is None or len(self.is_local) == 1:
                 return np.ascontiguousarray(local[:, :size])
-            earth = on_earth(local, self.begin)[:, :size]  # below the place in space
+            earth = on_earth(local, self.begin)[:, :size]  # the point on the ground
         else:
             earth = frame.to_earth(states)[:, :size]
         if self.begin is None:
