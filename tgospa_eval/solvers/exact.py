@@ -120,7 +120,7 @@ def _solve_block(
         return limit.status, "", 0, None
     try:
         begin = time.perf_counter()
-        programme = limit.progress.apart(lambda: _build(part))
+        programme = limit.progress.in_thread(lambda: _build(part))
         built = time.perf_counter()
         seconds["build"] += built - begin
         if _short(batch, factor):
@@ -128,7 +128,7 @@ def _solve_block(
         left = limit.left()
         # It looks at the clock after an iteration only, each of which takes a factorisation.
         until = None if left is None else left - 0.5 * factor
-        status, detail, steps = limit.progress.apart(lambda: _solve(programme, until))
+        status, detail, steps = limit.progress.in_thread(lambda: _solve(programme, until))
         seconds["lp"] += time.perf_counter() - built
     except StoppedError:  # Clarabel cannot be stopped, but left behind
         return limit.status, "", 0, None

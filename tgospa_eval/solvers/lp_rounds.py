@@ -363,7 +363,7 @@ class Programmes:
         StoppedError
             The run was interrupted, or its time was up, before the work had ended.
         """
-        return self.batch.limit.progress.apart(work) if size > PROGRAMMES.quick else work()
+        return self.batch.limit.progress.in_thread(work) if size > PROGRAMMES.quick else work()
 
     def _propose(self, solved: list[Solved]) -> None:
         """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
@@ -496,6 +496,6 @@ def _programme(states: States, limit: Limit) -> "Proposal | None":
         interior=size > INTERIOR,
     )
     try:
-        return limit.progress.apart(work)
+        return limit.progress.in_thread(work)
     except StoppedError:
         return None

@@ -310,7 +310,7 @@ class Conversion:
         return converted, None
 
     def _times_undone(self, side: Trajectories) -> Trajectories:
-        """Stamps as they were: of doubles around a quotient the one that becomes the stamp."""
+        """Convert times back; of the doubles near a quotient, use the one that converts exactly."""
         if self.time_offset == 0 and self.time_scale == 1:
             return side
         if side.clock != "number":

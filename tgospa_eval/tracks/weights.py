@@ -36,7 +36,7 @@ class WeightsByTime:
         freeze(self)
 
     def on(self, side: Trajectories) -> tuple[Floats, Floats]:
-        """Factors of the costs at each step of an aligned side, (T,), and of switches, (T - 1,).
+        """Return factors of costs at each step of an aligned side (T,), and of switches (T - 1,).
 
         Raises
         ------
