@@ -270,10 +270,10 @@ def _near(
 ) -> tuple[Alignment, Pairs]:
     """Both sides on the steps of either, and the pairs of rows within the cutoff."""
     pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
-    effort = Resources(jobs=1, stopwatch=Stopwatch())
+    resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
-    sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
-    return pair, prepared_pairs(sides, cutoff, prepared, effort)
+    sides, prepared = distance.prepared((pair.truth, pair.estimate), resources)
+    return pair, prepared_pairs(sides, cutoff, prepared, resources)
 
 
 def _silences(

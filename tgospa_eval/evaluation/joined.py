@@ -123,9 +123,9 @@ class JoinedPairs:
 
     def reduced(self) -> States:
         """The problem of all, and where the parts of each pair are in it."""
-        effort = Resources(jobs=1)
-        seen, distance = self.distance.prepared(self.sides, effort)
-        near = prepared_pairs(seen, self.parameters.cutoff, distance, effort)
+        resources = Resources(jobs=1)
+        seen, distance = self.distance.prepared(self.sides, resources)
+        near = prepared_pairs(seen, self.parameters.cutoff, distance, resources)
         problem = NearPairs(sides=seen, distance=distance, pairs=near).problem(self.parameters)
         states = merge_runs(problem)
         parts = np.arange(len(self.steps))

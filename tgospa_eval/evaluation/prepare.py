@@ -203,23 +203,23 @@ class NearPairs:
         request: EvaluationRequest,
         distance: Distance,
         cutoff: float,
-        effort: Resources,
+        resources: Resources,
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         kinds = distance.kinds
         seen = aligned.truth.reduced_to(kinds), aligned.estimate.reduced_to(kinds)
         raw = distance
-        sides, distance = distance.prepared(seen, effort)
+        sides, distance = distance.prepared(seen, resources)
         margin = 0.0
         if unjudged is not None and unjudged[0].any():
             margin = distance.margin(sides, cutoff)
 
         def pairs_of(sides: Sides, reach: Floats | None) -> Pairs:
-            pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
+            pairs = prepared_pairs(sides, cutoff, distance, resources, margin=margin)
             if reach is None:
                 return pairs
-            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
+            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, resources)
 
         reports = aligned.reports
         if reports is None:
@@ -228,7 +228,7 @@ class NearPairs:
 
             def at_reports(both: Sides) -> Pairs:
                 seen = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
-                return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
+                return pairs_of(raw.prepared(seen, resources)[0], reach_of(both[0], request))
 
             pairs = clock_pairs(reports, (aligned.truth, aligned.estimate), at_reports)
             most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
@@ -352,8 +352,8 @@ def measure(
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
-        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        near = NearPairs.of(aligned, request, distance, cutoff, effort)
+        resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
+        near = NearPairs.of(aligned, request, distance, cutoff, resources)
         truth, estimate = near.sides
     weights = None
     if request.step_weights is not None:
@@ -396,7 +396,7 @@ def with_far_pairs(
     distance: Distance,
     cutoff: tuple[float, float],
     reach: Floats,
-    effort: Resources,
+    resources: Resources,
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
 
@@ -408,7 +408,7 @@ def with_far_pairs(
     gaps = sides[0].chosen(rows)
     margin = cutoff[1]
     most = cutoff[0] + float(reach.max())
-    far = prepared_pairs((gaps, sides[1]), most, distance, effort, margin=margin)
+    far = prepared_pairs((gaps, sides[1]), most, distance, resources, margin=margin)
     row = rows[far.truth_row]
     kept = far.distance <= cutoff[0] + reach[row] + margin
     truth_row = np.concatenate((pairs.truth_row, row[kept]))

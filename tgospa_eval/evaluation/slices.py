@@ -348,10 +348,10 @@ def values_of(
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """How many other objects of this side are nearer than the cutoff."""
     seen = side.reduced_to(distance.kinds)
-    effort = Resources(jobs=1)
-    both, distance = distance.prepared((seen, seen), effort)
+    resources = Resources(jobs=1)
+    both, distance = distance.prepared((seen, seen), resources)
     margin = distance.margin(both, cutoff)
-    pairs = prepared_pairs(both, cutoff, distance, effort, margin=margin)
+    pairs = prepared_pairs(both, cutoff, distance, resources, margin=margin)
     nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
     pairs = pairs.chosen(np.flatnonzero(nearer))
     others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]

@@ -249,7 +249,7 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "MOST_PARTICLES", 5)
+    monkeypatch.setattr(bounds, "MAX_PARTICLES", 5)
     with pytest.raises(
         InputError,
         match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',
