@@ -301,7 +301,7 @@ def exactly_nearer(
     cutoff: Floats,
     decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
-    """Mask of nearer pairs, (N,): of a closed form, which `decide` evaluates in rationals."""
+    """Return the mask of nearer pairs, (N,), by a closed form that `decide` evaluates."""
     from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
     nearer: Mask = pairs.distance < cutoff

@@ -32,9 +32,7 @@ Ranges = tuple[Ints, Ints]
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
     """Return the first row and the end of the rows of each of some steps (2, T)."""
-    wanted = np.empty(
-        (2, len(steps)), side.step.dtype
-    )  # else searchsorted converts the whole column
+    wanted = np.empty((2, len(steps)), side.step.dtype)  # else the whole column is converted
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
     return side.step.searchsorted(wanted)

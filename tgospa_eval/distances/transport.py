@@ -74,7 +74,7 @@ def as_cloud(
     fault = _weight_fault(given)
     if fault:
         raise ConfigError(f"{name}: {fault}")
-    # Divide first, as huge weights overflow. An exact sum does not depend on the order of particles.
+    # Divide first, as huge weights overflow. An exact sum ignores the order of particles.
     largest = float(given.max())
     scaled = given / largest
     total = math.fsum(scaled)

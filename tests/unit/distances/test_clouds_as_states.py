@@ -126,7 +126,7 @@ def test_gated_is_ungated_is_one_by_one(size: int, order: int) -> None:
 def test_bounds_never_exceed_the_distance() -> None:
     for seed in range(20):
         a, b = scene(seed, size=1 + seed % 3), scene(seed + 100, size=1 + seed % 3)
-        moments = [bounds._moments(side.clouds) for side in (a, b)]
+        moments = [bounds._traces_and_factors(side.clouds) for side in (a, b)]
         rows = np.arange(len(a.step))
         squares = ((a.state - b.state) ** 2).sum(axis=1)
         bound = np.sqrt(squares + bounds._spread(moments, rows, rows))
