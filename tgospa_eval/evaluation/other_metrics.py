@@ -31,7 +31,7 @@ from tgospa_eval.evaluation.mot_metrics import (
 )
 from tgospa_eval.evaluation.prepare import PreparedPair, clock_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import ClockReports
@@ -140,7 +140,7 @@ def other_metrics(
         if asked:
             sides = prepared.sides
             if proof is not None and prepared.states.problem.unjudged is not None:
-                kept = judged_rows(proof.states, proof.weights)
+                kept = evaluated_rows(proof.states, proof.weights)
                 first, second = (
                     side.chosen(np.flatnonzero(rows))
                     for side, rows in zip(sides, kept, strict=True)

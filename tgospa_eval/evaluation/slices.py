@@ -28,7 +28,7 @@ from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.formats.fields import EXACT_BELOW
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, changes, spare
 from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
@@ -598,7 +598,7 @@ def row_costs(proof: PairProof) -> RowCosts:
     price = problem.switch_price_at[step] * amount
     mass = weight / ONE
     if problem.unjudged is not None:
-        judged = judged_rows(states, weights)
+        judged = evaluated_rows(states, weights)
         mass = mass * judged[0][truths.row[entry]] * judged[1][estimates.row[entry]]
     error = metric.cutoff * problem.powers(entry) ** (1 / metric.order)
     return (

@@ -17,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.evaluation.axis import TURN, apart
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, assigned
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import ComparedSides, Json, PairProof
@@ -120,7 +120,7 @@ class Tracked:
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
         judged: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
-            judged = judged_rows(proof.states, proof.weights)
+            judged = evaluated_rows(proof.states, proof.weights)
         sides, rows, places = [], [], []
         for side, mask in zip(problem.sides, judged, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
