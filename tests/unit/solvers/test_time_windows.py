@@ -46,7 +46,7 @@ def joined(states: States) -> Bounds:
     """What windows prove of a problem with one block before anything is repaired."""
     division = Division(states)
     for window in division.windows:
-        piece = division.cut(window)
+        piece = division.problem_of(window)
         found = Certified()(piece, Stopwatch())
         division.take(window, piece, found.weights, found.prices)
     proposed = replace(found, weights=division.join(), prices=division.prices)
