@@ -36,7 +36,7 @@ LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
 WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # about microseconds per megabyte; bytes
 
-# The fields of proof.json, and no others: [x] is a list of x, (x, y) a row, MAY fields are optional.
+# All fields of proof.json: [x] is a list of x, (x, y) a row, fields of MAY are optional.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
@@ -303,9 +303,7 @@ class ClaimedScene:
         """Yield the pairs of each step, in neighbouring cells as large as the cutoff."""
         every = itertools.chain([turn], sides[0].values(), sides[1].values())
         units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
-        unit = max(
-            units | {self.cutoff.denominator}
-        )  # denominators of binary64 numbers are powers of 2
+        unit = max(units | {self.cutoff.denominator})  # all are powers of 2
 
         def integers(row):
             return [a * c * (unit // (b * d)) for (a, b), (c, d) in zip(row, scale)]
@@ -354,8 +352,8 @@ def lower_bound(scene, proof):
     one, leave = 1 << scene.bits, scene.change[0]
     bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
-        # The largest gain so far, without prices, by the assigned estimate; it may be assigned from the
-        # first step at no cost but the prices. Prices are >= 0: nothing starts before a gain.
+        # The largest gain so far, without prices, by assigned estimate. The first assignment costs
+        # its prices alone, which are >= 0: nothing starts before a gain.
         assigned, free = dict.fromkeys(costs, 0), 0
         gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
         for _, group in itertools.groupby(gains, lambda gain: gain[0]):
