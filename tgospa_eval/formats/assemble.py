@@ -470,9 +470,7 @@ def _check_states(
             )
             way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
-        place = rows.where(int(at[0])).removeprefix(
-            f"{rows.name}, "
-        )  # every notice begins with the name
+        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with it
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:

@@ -291,9 +291,7 @@ class Headers:
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
-            if (
-                header == first and first not in self.exact
-            ):  # a first header may begin like a comment
+            if header == first and first not in self.exact:  # it may begin like a comment
                 mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}

@@ -482,9 +482,7 @@ def solve_whole(batch: BlockBatch) -> Answer:
 
 def _programme(states: States, limit: Limit) -> "Proposal | None":
     """Solve one block by HiGHS; None if there is no time."""
-    from tgospa_eval.solvers.restricted_lp import (
-        solve_restricted_lp,  # lazy: HiGHS is slow to import
-    )
+    from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # lazy: HiGHS is slow
 
     size = len(states.begin)
     work = partial(

@@ -662,9 +662,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue(
-        "presolve", "on"
-    )  # otherwise it misses its tolerances where many costs tie
+    highs.setOptionValue("presolve", "on")  # without, ties keep it from its tolerances
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
