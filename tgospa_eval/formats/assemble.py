@@ -169,7 +169,7 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
-"""What programs write as the id of a row that belongs to no track."""
+"""Ids that programs write for a row that belongs to no track."""
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
@@ -256,7 +256,7 @@ def without_id(name: str, rows: Rows, columns: str) -> str:
 
 
 UNKNOWN = (-1.0, 0.0)
-"""What programs write in each column of a place that they do not know."""
+"""Numbers that programs write in each column of an unknown place."""
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:

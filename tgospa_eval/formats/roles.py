@@ -553,7 +553,7 @@ def _namings(
 
 
 CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
-"""In headers of the centres of boxes."""
+"""Pattern of headers of the centres of boxes."""
 
 
 def _box(

@@ -29,7 +29,7 @@ from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
-"""Of distances that are computed again, perhaps by another version of a library; relative."""
+"""Relative tolerance of distances computed again, perhaps by another version of a library."""
 
 
 WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS

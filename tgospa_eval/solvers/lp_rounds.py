@@ -125,7 +125,7 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Of a programme the free states and the slots that it has priced, in the whole; its answer."""
+"""Free states and priced slots of a programme, in the whole, and its proposal."""
 
 
 class Programmes:
