@@ -29,7 +29,7 @@ from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.distances.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.distances.transport import (
-    MOST_PARTICLES,
+    MAX_PARTICLES,
     POT_NEEDED,
     can_transport,
     cross_covariance,
@@ -128,7 +128,7 @@ class Pairing:
         if isinstance(given, str):  # of each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
             for moments, one in ((own, side), (other, self.second)):
-                moments[:-1] = 0.0 if one.second_moments is None else one.second_moments
+                moments[:-1] = 0.0 if one.spread is None else one.spread
             alone = (self.partners[0] == NOBODY)[:, None]
             partner = np.where(alone, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
@@ -217,7 +217,7 @@ def associate(
     cutoff: float,
     distance: str | Distance = "euclidean",
     all_pairs: bool = False,
-    effort: Resources | None = None,
+    resources: Resources | None = None,
 ) -> Pairing:
     """Associate the states of two sides on the same times.
 
@@ -232,7 +232,7 @@ def associate(
     all_pairs : bool
         Measure all pairs of each step, not only those that may be nearer than the cutoff; the
         association is the same.
-    effort : Resources, optional
+    resources : Resources, optional
         Threads, and progress.
 
     Raises
@@ -246,7 +246,7 @@ def associate(
     if not 0 < cutoff < np.inf:
         raise ConfigError(f"cutoff is {cutoff:g}: must be finite and > 0")
     measure = _fitting(first, second, distance)
-    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, effort)
+    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, resources)
     near = np.flatnonzero(pairs.distance < cutoff)
     rows = pairs.truth_row[near], pairs.estimate_row[near]
     chosen = np.zeros(len(pairs.distance), bool)
@@ -312,7 +312,7 @@ HISTORY = "history"
 
 
 def reduce_trajectories(
-    side: Trajectories, reduction: Reduction, effort: Resources | None = None
+    side: Trajectories, reduction: Reduction, resources: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
     """Reduce all clouds to fewer particles; with a row of changes for each cloud.
 
@@ -322,7 +322,7 @@ def reduce_trajectories(
         With clouds; without, every state is one particle, and nothing changes.
     reduction : Reduction
         How.
-    effort : Resources, optional
+    resources : Resources, optional
         Threads, and progress.
 
     Returns
@@ -335,12 +335,12 @@ def reduce_trajectories(
         history, as `Reduction.trace` has it. None where a cloud is too large for the exact
         distance, POT is missing, or there is no spread.
     """
-    effort = effort or Resources()
+    resources = resources or Resources()
     if side.clouds is None:
         return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step), [])
     histories: list[list[float]] = []
-    after = reduced(side.clouds, reduction, effort, histories)
-    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort), histories)
+    after = reduced(side.clouds, reduction, resources, histories)
+    return side.with_clouds(after), _table(side, _changes(side.clouds, after, resources), histories)
 
 
 def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[float]]) -> Columns:
@@ -349,7 +349,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
     return table | {HISTORY: histories or [[] for _ in changes]}
 
 
-def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChange]:
+def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
     """A row for each cloud: in threads, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
@@ -359,12 +359,12 @@ def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChan
 
     is_changed = before.counts > after.counts
     if is_changed.any() and not is_exact:
-        effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
+        resources.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
     what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with those before"
     works = (is_changed * (before.counts * after.counts.astype(float)) ** 1.05).tolist()
-    changes = in_order(change, range(len(before)), effort.jobs or cores())
-    with effort.stopwatch.showing("comparing clouds with those before"):
-        return list(effort.stopwatch.paced(changes, works, what))
+    changes = in_order(change, range(len(before)), resources.jobs or cores())
+    with resources.stopwatch.showing("comparing clouds with those before"):
+        return list(resources.stopwatch.paced(changes, works, what))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:
@@ -379,7 +379,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
     # Without a warning for weights of single precision: they were normalised when read.
     exact = (
         cloud_wasserstein(*before, *after)
-        if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
+        if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2
         else None
     )
     return (

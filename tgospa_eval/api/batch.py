@@ -45,7 +45,7 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import ROLES, runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
-from tgospa_eval.formats.options import parse_moments
+from tgospa_eval.formats.options import parse_time_range
 from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
@@ -479,7 +479,7 @@ def _within(job: Job, time: str | None) -> Job:
     ConfigError
         The range of time is none of frames.
     """
-    moments = parse_moments(time)
+    moments = parse_time_range(time)
     if job.frames is None or moments is None:
         return job
     frames = np.arange(job.frames[0], job.frames[1] + 1)

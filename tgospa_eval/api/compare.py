@@ -477,8 +477,8 @@ def ranked(
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             result = solve(prepared, solver, stopwatch)
             if with_:
-                effort = Resources(jobs=solver.jobs, stopwatch=stopwatch)
-                beside = other_metrics(prepared, with_, effort, result.proof)
+                resources = Resources(jobs=solver.jobs, stopwatch=stopwatch)
+                beside = other_metrics(prepared, with_, resources, result.proof)
                 others.setdefault(name, []).append(beside)
             made = ranking.outcome(path, result, prepared.moments, per_step=per_step)
             found.setdefault(name, []).append(made)

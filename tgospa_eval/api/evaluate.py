@@ -277,8 +277,8 @@ def evaluate_pair(
     if request.with_:
         from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
 
-        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        others = other_metrics(prepared, request.with_, effort, result.proof)
+        resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
+        others = other_metrics(prepared, request.with_, resources, result.proof)
         result = replace(result, with_=joined([others]), sums=others.sums())
     if slices is not None:
         with stopwatch.span("slices"):

@@ -28,7 +28,7 @@ from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import ConfigError, InputError, MemoryTooSmallError
 from tgospa_eval.evaluation.memory import Share, bytes_in_memory, format_of, size_text
 from tgospa_eval.formats.fields import floats, parse_times
-from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
+from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.results.consistency import NEES
@@ -253,7 +253,7 @@ def is_recording(folder: str, columns: str) -> bool:
     from tgospa_eval.partitioned.files import stored  # lazy: most evaluations are of files
 
     files = [file.path for file, _ in stored(folder)]
-    formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}
+    formats = {FORMAT_OF_SUFFIX.get(os.path.splitext(name)[1]) for name in files}
     if formats == {"parquet"}:
         return True
     return (

@@ -146,7 +146,7 @@ def associate_sides(
     resolved: ResolvedRequest,
     sides: tuple[Reading, ...],
     names: tuple[str, ...],
-    effort: Resources,
+    resources: Resources,
     *,
     all_pairs: bool,
 ) -> Association:
@@ -158,7 +158,7 @@ def associate_sides(
         cutoff=resolved.evaluation.parameters.cutoff,
         distance=fitted.distance,
         all_pairs=all_pairs,
-        effort=effort,
+        resources=resources,
     )
     return recast(found, Association)
 
@@ -171,7 +171,7 @@ def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
 
 
 def reduce_side(
-    side: Reading, how: Reduction, name: str, effort: Resources
+    side: Reading, how: Reduction, name: str, resources: Resources
 ) -> tuple[Trajectories, Columns]:
     """The clouds of a side with fewer particles, and a row of what changed for each.
 
@@ -184,7 +184,7 @@ def reduce_side(
         raise InputError(
             f"{name}: no particles; a column weight makes the rows of an (id, t) a cloud"
         )
-    return reduce_trajectories(side.trajectories, how, effort)
+    return reduce_trajectories(side.trajectories, how, resources)
 
 
 def _read(
@@ -263,8 +263,8 @@ def associate(
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
     resolved, names = resolve_request(request), called((a, b), request.sides)
     sides = _read(resolved, (a, b), request.sides, mapping)
-    effort = Resources(jobs=request.jobs)
-    return associate_sides(resolved, sides, names, effort, all_pairs=all_pairs)
+    resources = Resources(jobs=request.jobs)
+    return associate_sides(resolved, sides, names, resources, all_pairs=all_pairs)
 
 
 @with_options(*(name for name in taken() if name not in (*OF_REDUCE, *REDUCTION_NAMES)))

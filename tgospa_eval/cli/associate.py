@@ -111,10 +111,10 @@ def command(
     wanted = probed(output, ASSOCIATION, "associate")
     resolved = resolve_request(request)
 
-    def work(effort: "Resources") -> "tuple[Association, dict[str, str]]":
+    def work(resources: "Resources") -> "tuple[Association, dict[str, str]]":
         sides = read_states((a, b), resolved, ("--a-format", "--b-format"), quiet=output.quiet)
         every = "--cost-matrix" in files
-        found = associate_sides(resolved, sides, (a, b), effort, all_pairs=every)
+        found = associate_sides(resolved, sides, (a, b), resources, all_pairs=every)
         make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
         return found, {name: csv_text(make[name]()) for name in files}
 
@@ -192,5 +192,5 @@ def run_with_effort(work: "Callable[[Resources], T]", jobs: int | None, *, quiet
     from tgospa_eval.distances import Resources
 
     stopwatch = new_stopwatch(quiet=quiet)
-    effort = Resources(jobs=jobs, stopwatch=stopwatch)
-    return run(lambda: work(effort), stopwatch, show=not quiet)
+    resources = Resources(jobs=jobs, stopwatch=stopwatch)
+    return run(lambda: work(resources), stopwatch, show=not quiet)

@@ -66,9 +66,9 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
     how, settings = reducing(request, size)
 
-    def work(effort: "Resources") -> "tuple[Reading, bytes, Columns]":
+    def work(resources: "Resources") -> "tuple[Reading, bytes, Columns]":
         (side,) = read_states((source,), settings, ("--in-format",), quiet=output.quiet)
-        after, table = reduce_side(side, how, source, effort)
+        after, table = reduce_side(side, how, source, resources)
         return side, TABLES[ending](after), table
 
     side, data, table = run_with_effort(work, request.jobs, quiet=output.quiet)

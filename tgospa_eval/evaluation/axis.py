@@ -17,11 +17,11 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
-from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
 
 Sides = tuple[Trajectories, Trajectories]
 
@@ -71,7 +71,7 @@ class Axis:
         Rows at stamps that are no declared steps.
     outages : Outages, optional
         Of the estimate, where the truth is interpolated.
-    held : Held, optional
+    reports : ClockReports, optional
         Reports of the estimate on a common clock.
     """
 
@@ -80,7 +80,7 @@ class Axis:
     made: tuple[str, tuple[int, int, int]] | None = None
     left_out: tuple[int, int] = (0, 0)
     outages: Outages | None = None
-    held: "Held | None" = None
+    reports: "ClockReports | None" = None
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
@@ -182,7 +182,7 @@ def _resampled(
         names=(names[0], option("resample")),
         across=across,
     )
-    (moved, made), estimate, held = make(ticks), axis.sides[1], None
+    (moved, made), estimate, reports = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
         from tgospa_eval.tracks.interpolation import hold  # lazy: few want it
 
@@ -190,12 +190,12 @@ def _resampled(
             return replace_times(make(side)[0], side)
 
         named = names[1], option("resample")
-        estimate, held = hold(truth, estimate, ticks, matching, truth_at, named)
+        estimate, reports = hold(truth, estimate, ticks, matching, truth_at, named)
     return Axis(
         sides=(replace_times(moved, ticks), replace_times(estimate, ticks)),
         horizon=ticks,
         made=("truth", made),
-        held=held,
+        reports=reports,
     )
 
 
@@ -251,7 +251,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
-        side.seen_as(("gaussian", *distance.kinds)),  # of these there may be a NEES
+        side.reduced_to(("gaussian", *distance.kinds)),  # of these there may be a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -269,11 +269,11 @@ def _near(
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
     """Both sides on the steps of either, and the pairs of rows within the cutoff."""
-    pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
-    effort = Resources(jobs=1, stopwatch=Stopwatch())
+    pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
+    resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
-    sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
-    return pair, prepared_pairs(sides, cutoff, prepared, effort)
+    sides, prepared = distance.prepared((pair.truth, pair.estimate), resources)
+    return pair, prepared_pairs(sides, cutoff, prepared, resources)
 
 
 def _silences(
@@ -385,18 +385,18 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.held is not None:  # judged at their own stamps
-        narrow = estimate = axis.held.reports
+    if axis.reports is not None:  # judged at their own stamps
+        narrow = estimate = axis.reports.estimate
     line, _ = _made(
-        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
+        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED
     )
-    rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
+    rows = np.flatnonzero(marks_of(line, NOT_COUNTED))
     states = 0
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)
         _, near = _near(line, estimate, matching, distance, cutoff)
         found = np.unique(near.estimate_row)
         states = len(found)
-        if axis.held is not None:
-            states = int(np.count_nonzero(np.isin(axis.held.row, found)))
+        if axis.reports is not None:
+            states = int(np.count_nonzero(np.isin(axis.reports.row, found)))
     return apart[wide], sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}), states

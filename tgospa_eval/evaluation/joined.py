@@ -82,7 +82,7 @@ def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
     """Whether a pair has points and the distance of the first, and coordinates of all digits."""
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
-        pair.alignment.held is None
+        pair.alignment.reports is None
         and pair.distance == first.distance
         and sides[0].columns == first.alignment.truth.columns
         and all(side.kind == "point" and side.state.flags.c_contiguous for side in sides)
@@ -123,9 +123,9 @@ class JoinedPairs:
 
     def reduced(self) -> States:
         """The problem of all, and where the parts of each pair are in it."""
-        effort = Resources(jobs=1)
-        seen, distance = self.distance.prepared(self.sides, effort)
-        near = prepared_pairs(seen, self.parameters.cutoff, distance, effort)
+        resources = Resources(jobs=1)
+        seen, distance = self.distance.prepared(self.sides, resources)
+        near = prepared_pairs(seen, self.parameters.cutoff, distance, resources)
         problem = NearPairs(sides=seen, distance=distance, pairs=near).problem(self.parameters)
         states = merge_runs(problem)
         parts = np.arange(len(self.steps))

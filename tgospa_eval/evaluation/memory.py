@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import MemoryTooSmallError
-from tgospa_eval.formats.guess import ENDINGS
+from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX
 from tgospa_eval.formats.loading import TABLE
 from tgospa_eval.text import option
 
@@ -165,7 +165,7 @@ def size_text(size: float) -> str:
 
 def format_of(path: str) -> str | None:
     """Return the format that the name of a file tells."""
-    return ENDINGS.get(os.path.splitext(path.lower())[1])
+    return FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
 
 
 def bytes_in_memory(paths: Sequence[str], *, drawn: bool) -> float:

@@ -29,12 +29,12 @@ from tgospa_eval.evaluation.mot_metrics import (
     combined,
     finished,
 )
-from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
+from tgospa_eval.evaluation.prepare import PreparedPair, clock_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
-from tgospa_eval.tracks.alignment import Held
+from tgospa_eval.tracks.alignment import ClockReports
 from tgospa_eval.tracks.trajectories import file_order
 
 METRIC_FIELDS = {
@@ -111,7 +111,10 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Compu
 
 
 def other_metrics(
-    prepared: PreparedPair, names: Sequence[str], effort: Resources, proof: PairProof | None = None
+    prepared: PreparedPair,
+    names: Sequence[str],
+    resources: Resources,
+    proof: PairProof | None = None,
 ) -> ComputedMetrics:
     """Metrics by name, of two sides as they are compared.
 
@@ -123,7 +126,7 @@ def other_metrics(
         The problem; filters, grid and joined stamps hold for these metrics as well.
     names : sequence of str
         Of `evaluation.request.OTHER_METRICS`.
-    effort : Resources
+    resources : Resources
         How to search for pairs, and the clock.
     proof : PairProof, optional
         The assignment that says which estimates follow ignored truths.
@@ -133,22 +136,22 @@ def other_metrics(
     zero = largest if largest < np.inf else 2 * cutoff
     asked = [name for name in names if name in METRIC_FIELDS]
     found = {}
-    with effort.stopwatch.span("other_metrics"):
+    with resources.stopwatch.span("other_metrics"):
         if asked:
             sides = prepared.sides
             if proof is not None and prepared.states.problem.unjudged is not None:
-                kept = judged_rows(proof.states, proof.weights)
+                kept = evaluated_rows(proof.states, proof.weights)
                 first, second = (
                     side.chosen(np.flatnonzero(rows))
                     for side, rows in zip(sides, kept, strict=True)
                 )
                 sides = first, second
-            if prepared.held is not None and prepared.states.problem.unjudged is not None:
+            if prepared.reports is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
                     f"{option('with_')} hota, clear and identity do not go together with "
                     f"{option('resample')} and {option('ignore')}; leave one out"
                 )
-            pairs = _similar_pairs(sides, prepared.distance, zero, effort, prepared.held)
+            pairs = _similar_pairs(sides, prepared.distance, zero, resources, prepared.reports)
             found = {name: METRICS[name](pairs) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
     return ComputedMetrics(found=found, gospa=gospa, zero=zero)
@@ -196,18 +199,22 @@ def _gospa(prepared: PreparedPair) -> dict[str, float]:
 
 
 def _similar_pairs(
-    sides: Sides, distance: Distance, zero: float, effort: Resources, held: Held | None
+    sides: Sides,
+    distance: Distance,
+    zero: float,
+    resources: Resources,
+    reports: ClockReports | None,
 ) -> SimilarPairs:
     """All pairs with a similarity above 0; tracks without a row do not count.
 
     Their places are in the order of the files, which decides where sums are equal.
     """
-    boxes = distance.name == IOU and held is None
+    boxes = distance.name == IOU and reports is None
 
     def search(sides: Sides) -> Pairs:
-        return prepared_pairs(sides, zero, distance, effort, margin=LEAST if boxes else 0.0)
+        return prepared_pairs(sides, zero, distance, resources, margin=LEAST if boxes else 0.0)
 
-    near = search(sides) if held is None else held_pairs(held, sides, search)
+    near = search(sides) if reports is None else clock_pairs(reports, sides, search)
     rows = near.truth_row, near.estimate_row
     starts, place, track, lengths = [], [], [], []
     for side, row in zip(sides, rows, strict=True):

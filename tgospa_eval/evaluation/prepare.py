@@ -34,7 +34,7 @@ from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import (
     AWAY,
-    NOT_JUDGED,
+    NOT_COUNTED,
     Coverage,
     digest,
     judge,
@@ -46,7 +46,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of, expected
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
     from tgospa_eval.tracks.weights import WeightsByTime
 
 
@@ -204,33 +204,34 @@ class NearPairs:
         request: EvaluationRequest,
         distance: Distance,
         cutoff: float,
-        effort: Resources,
+        resources: Resources,
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
-        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        kinds = distance.kinds
+        seen = aligned.truth.reduced_to(kinds), aligned.estimate.reduced_to(kinds)
         raw = distance
-        sides, distance = distance.prepared(seen, effort)
+        sides, distance = distance.prepared(seen, resources)
         margin = 0.0
         if unjudged is not None and unjudged[0].any():
             margin = distance.margin(sides, cutoff)
 
         def pairs_of(sides: Sides, reach: Floats | None) -> Pairs:
-            pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
+            pairs = prepared_pairs(sides, cutoff, distance, resources, margin=margin)
             if reach is None:
                 return pairs
-            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
+            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, resources)
 
-        held = aligned.held
-        if held is None:
+        reports = aligned.reports
+        if reports is None:
             pairs = pairs_of(sides, reach)
         else:
 
             def at_reports(both: Sides) -> Pairs:
-                seen = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
-                return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
+                seen = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
+                return pairs_of(raw.prepared(seen, resources)[0], reach_of(both[0], request))
 
-            pairs = held_pairs(held, (aligned.truth, aligned.estimate), at_reports)
+            pairs = clock_pairs(reports, (aligned.truth, aligned.estimate), at_reports)
             most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
             pairs = pairs.chosen(np.flatnonzero(pairs.distance <= most))
         return cls(
@@ -239,7 +240,7 @@ class NearPairs:
             pairs=pairs,
             unjudged=unjudged,
             reach=reach,
-            given=held is not None,
+            given=reports is not None,
         )
 
     def problem(self, parameters: Parameters) -> Problem:
@@ -287,16 +288,16 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
-def held_pairs(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
+def clock_pairs(clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
     """Pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
     found: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
-    for (truth, reports), rows in held.blocks():
+    for (truth, reports), rows in clock.blocks():
         part = search((truth, reports))
-        track = held.number(truth)[truth.track[part.truth_row]]
+        track = clock.number(truth)[truth.track[part.truth_row]]
         found.append((track, rows[part.estimate_row], part.distance))
     track, report, distance = map(np.concatenate, zip(*found, strict=True))
-    row, other, length = held.on_clock((track, report, distance), sides)
+    row, other, length = clock.on_clock((track, report, distance), sides)
     return Pairs(truth_row=row, estimate_row=other, distance=length)
 
 
@@ -304,7 +305,7 @@ def recorded_settings(
     distance: Distance,
     request: EvaluationRequest,
     columns: tuple[str, ...],
-    held: "Held | None" = None,
+    reports: "ClockReports | None" = None,
 ) -> dict[str, object]:
     """Every option that changes the number, without parameters and those of the solver."""
     return {
@@ -312,7 +313,7 @@ def recorded_settings(
         **distance.settings(columns),
         "columns": list(columns),
         **request.time_matching.recorded,
-        **({} if held is None else {"period": held.period}),
+        **({} if reports is None else {"period": reports.period}),
         "unit": request.unit,
         **_recorded_weights(request.step_weights),
         **({EXISTENCE: request.existence} if request.probabilistic else {}),
@@ -341,19 +342,19 @@ def measure(
 
     with stopwatch.span("distances"):
         truth, estimate = (
-            side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
+            side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
         scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": truth.second_moments,
-            "estimate_covariance": estimate.second_moments,
+            "truth_covariance": truth.spread,
+            "estimate_covariance": estimate.spread,
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
-        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        near = NearPairs.of(aligned, request, distance, cutoff, effort)
+        resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
+        near = NearPairs.of(aligned, request, distance, cutoff, resources)
         truth, estimate = near.sides
         if request.memory is not None:
             rows = len(truth.step) + len(estimate.step)
@@ -371,7 +372,7 @@ def measure(
             unit=request.unit,
         ),
         moments=truth.times,
-        settings=recorded_settings(distance, request, truth.columns, aligned.held),
+        settings=recorded_settings(distance, request, truth.columns, aligned.reports),
         recorded=recorded,
         **scene,
         step_weights=weights,
@@ -380,7 +381,7 @@ def measure(
             if request.probabilistic
             else None
         ),
-        held=aligned.held,
+        reports=aligned.reports,
     )
     return measured, near
 
@@ -399,7 +400,7 @@ def with_far_pairs(
     distance: Distance,
     cutoff: tuple[float, float],
     reach: Floats,
-    effort: Resources,
+    resources: Resources,
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
 
@@ -411,7 +412,7 @@ def with_far_pairs(
     gaps = sides[0].chosen(rows)
     margin = cutoff[1]
     most = cutoff[0] + float(reach.max())
-    far = prepared_pairs((gaps, sides[1]), most, distance, effort, margin=margin)
+    far = prepared_pairs((gaps, sides[1]), most, distance, resources, margin=margin)
     row = rows[far.truth_row]
     kept = far.distance <= cutoff[0] + reach[row] + margin
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
@@ -428,7 +429,7 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     """Ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    found = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
+    found = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
     return found if any(mask.any() for mask in found) else None
 
 
@@ -446,8 +447,8 @@ def _recorded(
     """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
-    digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
-    counts = aligned.truth.seen_as(kinds)
+    digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
+    counts = aligned.truth.reduced_to(kinds)
     is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
     sha256 = digests[0] if is_whole else digest(counts, existence=likely)
     unjudged = unjudged_of(aligned, request)
@@ -490,7 +491,7 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
+        across = NOT_COUNTED if request.ignoring is not None and request.ignoring.gaps else ""
         cutoff = request.parameters.cutoff
         axis = on_axis(given, time_matching, distance, names, cutoff, across)
         axis = charged(axis, time_matching, distance, names, cutoff)
@@ -503,8 +504,8 @@ def fit(
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
     silent = axis.outages.ticks if axis.outages is not None and axis.outages.charged else None
     aligned = align(truth, estimate, time_matching, names, silent)
-    if axis.held is not None:
-        aligned = replace(aligned, held=axis.held)
+    if axis.reports is not None:
+        aligned = replace(aligned, reports=axis.reports)
     if time_matching.of_estimate:  # its stamps, and those of its outages, are the horizon
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):

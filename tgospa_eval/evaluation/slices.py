@@ -28,7 +28,7 @@ from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.formats.fields import EXACT_BELOW
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, changes, spare
 from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
@@ -347,11 +347,11 @@ def values_of(
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """How many other objects of this side are nearer than the cutoff."""
-    seen = side.seen_as(distance.kinds)
-    effort = Resources(jobs=1)
-    both, distance = distance.prepared((seen, seen), effort)
+    seen = side.reduced_to(distance.kinds)
+    resources = Resources(jobs=1)
+    both, distance = distance.prepared((seen, seen), resources)
     margin = distance.margin(both, cutoff)
-    pairs = prepared_pairs(both, cutoff, distance, effort, margin=margin)
+    pairs = prepared_pairs(both, cutoff, distance, resources, margin=margin)
     nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
     pairs = pairs.chosen(np.flatnonzero(nearer))
     others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
@@ -561,16 +561,16 @@ def slices_of(
 
 def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     aligned = fitted.alignment
-    sides, held = (aligned.truth, aligned.estimate), aligned.held
+    sides, reports = (aligned.truth, aligned.estimate), aligned.reports
     rows = len(sides[0].step), len(sides[1].step)
     found = []
     for attribute in by.attributes:
-        if held is None:
+        if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
         else:  # speeds and neighbours are those of reports
-            at = sides[0], held.reports
+            at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
-            values = first, None if second is None else second[held.row]
+            values = first, None if second is None else second[reports.row]
         found.append(members(attribute, values, rows, summed=by.summed))
     whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
     if len(whole.names) > MOST_CROSSINGS:
@@ -598,7 +598,7 @@ def row_costs(proof: PairProof) -> RowCosts:
     price = problem.switch_price_at[step] * amount
     mass = weight / ONE
     if problem.unjudged is not None:
-        judged = judged_rows(states, weights)
+        judged = evaluated_rows(states, weights)
         mass = mass * judged[0][truths.row[entry]] * judged[1][estimates.row[entry]]
     error = metric.cutoff * problem.powers(entry) ** (1 / metric.order)
     return (

@@ -17,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.evaluation.axis import TURN, apart
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, assigned
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import ComparedSides, Json, PairProof
@@ -120,7 +120,7 @@ class Tracked:
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
         judged: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
-            judged = judged_rows(proof.states, proof.weights)
+            judged = evaluated_rows(proof.states, proof.weights)
         sides, rows, places = [], [], []
         for side, mask in zip(problem.sides, judged, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
@@ -239,9 +239,9 @@ class Axes:
             own = slice(begin, begin + PAIRS_TOGETHER + 2)  # two more, for second differences
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.held is not None:  # on a common clock a report is judged at its own time
+            if compared.reports is not None:  # on a common clock a report is judged at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
-                located = compared.held.located(names, report)
+                located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
             else:  # a report that holds for several steps does not move
                 time, who = moments[truth.step[row]], sides[1].track[to[own]]

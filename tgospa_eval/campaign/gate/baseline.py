@@ -22,10 +22,10 @@ from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, contradic
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import (
-    JUDGED_FIELDS,
+    COVERAGE_FIELDS,
+    coverage_of,
     incomparable,
     judge_alike,
-    judged_of,
     refuse_own_marks,
 )
 
@@ -159,7 +159,7 @@ def measured(row: Row) -> Measured:
         classes={name: values_of(part, scale) for name, part in row.get("classes", {}).items()},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=parameters,
-        judged=judged_of(row),
+        judged=coverage_of(row),
         estimate=row.get(ESTIMATE_DIGEST, ""),
         version=row["version"],
         status=row["message"],
@@ -330,7 +330,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
     wrong = incomparable({"now": now.judged, "the baseline": old})
     # Where the estimate has no say in it, somebody changed the truth.
     if wrong and now.parameters["grid"] in ("union", "truth"):
-        if all(old[name] == now.judged[name] for name in JUDGED_FIELDS if name != "truth_sha256"):
+        if all(old[name] == now.judged[name] for name in COVERAGE_FIELDS if name != "truth_sha256"):
             wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
         return [*found, f"{wrong}; if that is right, make the baseline anew"]
     return [*found, f"{wrong}; {judge_alike()}"] if wrong else found

@@ -53,8 +53,8 @@ def diagnose(
         Whether it is known that nothing is wrong with clocks and states.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.held is not None:  # what is compared are reports, at their stamps
-        for (truth, reports), _ in itertools.islice(aligned.held.blocks(), 1):
+    if aligned.reports is not None:  # what is compared are reports, at their stamps
+        for (truth, reports), _ in itertools.islice(aligned.reports.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
@@ -97,19 +97,19 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             f"that are at most {gap.text} apart, {own:,} as they were"
             f"{rest if unused else ''}"
         )
-    if axis.held is not None:
-        held, steps = axis.held, counted(len(axis.horizon.times), "step")
-        used, reports = len(np.unique(held.row)), len(held.reports.step)
+    if axis.reports is not None:
+        clock, steps = axis.reports, counted(len(axis.horizon.times), "step")
+        used, reports = len(np.unique(clock.row)), len(clock.estimate.step)
         which = (
             option("period")
-            if held.declared
-            else f"the {held.source}; {option('period')} declares it"
+            if clock.declared
+            else f"the {clock.source}; {option('period')} declares it"
         )
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
-        alone = f" ({held.alone:,} alone)" if held.alone else ""
+        single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
-            text=f"each report of the estimate holds for its period, {number(held.period)} "
-            f"({which}), and is judged at its own time: {counted(used, 'report')}{alone} at "
+            text=f"each report of the estimate holds for its period, {number(clock.period)} "
+            f"({which}), and is judged at its own time: {counted(used, 'report')}{single} at "
             f"{steps} of the common clock{off}"
         )
     if matching.steps is not None:

@@ -126,7 +126,7 @@ class StepRows:
         if steps is not None:
             return cls(side=side, bounds=rows_at(side, steps))
         found = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
-        vars(found)["table"] = side.seen_as(())
+        vars(found)["table"] = side.reduced_to(())
         return found
 
     @cached_property
@@ -152,7 +152,7 @@ class StepRows:
     @cached_property
     def table(self) -> Trajectories:
         """They alone, as points."""
-        return self.side.seen_as(()).chosen(self.row, self.step, np.arange(len(self.counts)))
+        return self.side.reduced_to(()).chosen(self.row, self.step, np.arange(len(self.counts)))
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
