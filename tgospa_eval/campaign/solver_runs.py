@@ -73,15 +73,15 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
-def _run(solver: Solver, status: str, **found: object) -> Json:
-    """A run, as far as it is known."""
+def _run(solver: Solver, status: str, **values: object) -> Json:
+    """Return a run, as far as it is known."""
     about = {"name": name_of(solver), "solver": solver.name, "epsilon": solver.epsilon}
     nothing = {"finished": False, "counts": {}, "history": []}
-    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **found}
+    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **values}
 
 
 def failed(solver: Solver, error: BaseException) -> Json:
-    """What is left of a run whose solver raised."""
+    """Return the record of a run whose solver raised."""
     reason = str(error) if isinstance(error, TgospaError) else fault_of(error)
     return _run(solver, f"failed: {reason}")
 
@@ -122,13 +122,13 @@ def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None =
 
 
 def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
-    """The value of the regularised problem of a temperature, in units of the total."""
+    """Return the value of the regularised problem of a temperature, in units of the total."""
     if solver.epsilon is None:
         return None
     limit = Limit.of(getattr(solver, "time_limit", None), progress)
     scale, problem_units = prepared.parameters.scale, ("primal", "dual", "cost")
     trace = entropic_trace(prepared.states, solver.epsilon, limit.late)
-    history = [look | {name: scale * look[name] for name in problem_units} for look in trace]
+    history = [record | {name: scale * record[name] for name in problem_units} for record in trace]
     if not history:
         return None
     last = {name: history[-1][name] for name in ("sweep", "violation", *problem_units)}
@@ -141,8 +141,8 @@ def memory(field: str) -> int | None:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
         return None
-    found = next((line for line in lines if line.startswith(f"{field}:")), None)
-    return None if found is None else 1024 * int(found.split()[1])
+    line_of_field = next((line for line in lines if line.startswith(f"{field}:")), None)
+    return None if line_of_field is None else 1024 * int(line_of_field.split()[1])
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
@@ -163,7 +163,7 @@ def warm_up(solvers: Iterable[Solver]) -> None:
 
 
 def takes_long(prepared: PreparedPair) -> int | None:
-    """Number of states if the referee would take more than a minute or so, else None."""
+    """Return the number of states if the referee would take more than about a minute, else None."""
     states = prepared.states
     sizes = np.bincount(
         states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
@@ -186,8 +186,8 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
             "programme as certified, and no approximation to compare; choose certified,exact, or "
             "install with a C compiler at hand"
         )
-    seen = list(map(name_of, solvers))
-    twice = next((name for name in seen if seen.count(name) > 1), None)
+    names = list(map(name_of, solvers))
+    twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ConfigError(f"{twice} is given twice")
 
@@ -211,7 +211,7 @@ def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
 
 
 def referee(runs: Sequence[Json]) -> Interval | None:
-    """What all runs together prove of the total: nothing where they contradict each other."""
+    """Intersect the brackets of all runs: None where they contradict each other."""
     proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
@@ -225,14 +225,14 @@ def errors(run: Json, known: Interval | None) -> tuple[float | None, float | Non
 
 
 def entropic_error(value: float | None, known: Interval | None) -> float | None:
-    """How far an entropic value may at most be from the total, relative."""
+    """Return the largest possible relative error of an entropic value."""
     if value is None or known is None or known.lower <= 0:
         return None
     return max(known.upper - value, value - known.lower) / known.lower
 
 
 def bracket_of(run: Json) -> Interval | None:
-    """What a run proves of the total; None where it failed."""
+    """Return the bracket that a run proves for the total; None where it failed."""
     if run["total"] is None:
         return None
     return Interval(lower=run["total_lower"], upper=run["total"])
@@ -276,7 +276,7 @@ def solvers_document(
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
 ) -> Json:
-    """The JSON document: the runs, with their errors against what all of them prove.
+    """Return the JSON document: the runs, with their errors against what all of them prove.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ OF_SCENE = ("targets", "steps", "run")
 
 
 def machine() -> str:
-    """On what the times were measured."""
+    """Describe the machine on which the times were measured."""
     return (
         f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, "
         f"Python {platform.python_version()}, NumPy {np.__version__}, {KERNEL} kernels"
@@ -356,7 +356,7 @@ def machine() -> str:
 
 @contextmanager
 def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
-    """The scenes that are stored below a folder, and what stores those of one more.
+    """Yield the scenes that are stored below a folder, and a function that stores one more.
 
     Raises
     ------
@@ -392,7 +392,7 @@ def _plain(rows: "pd.DataFrame") -> Iterator[Row]:
 
 
 def key_of(scene: Key, solver: Solver) -> str:
-    """The key of a row, in a store of one study."""
+    """Return the key of a row, in a store of one study."""
     return "/".join((*map(str, scene), name_of(solver)))
 
 
@@ -401,7 +401,7 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What is to be done.
+    """Scenes and solvers of a study.
 
     Parameters
     ----------
@@ -440,9 +440,9 @@ class Study:
             sizes = getattr(self, name)
             if len(set(sizes)) < len(sizes):
                 raise ConfigError(f"{name}: a number is given twice")
-            least = min(sizes)
-            if least < 1:
-                raise ConfigError(f"{name} is {least}: must be 1 or more")
+            smallest = min(sizes)
+            if smallest < 1:
+                raise ConfigError(f"{name} is {smallest}: must be 1 or more")
         for targets, steps in self.sizes:
             replace(self.scene, targets=targets, steps=steps)  # which checks both together
 
@@ -480,7 +480,7 @@ def carry_out(
     keep: Keep = lambda _: None,
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[list[Row]]:
-    """The rows of all scenes that are wanted; those that are not known are made.
+    """Return the rows of all requested scenes; missing ones are made.
 
     Parameters
     ----------
@@ -554,7 +554,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
 
 
 def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) -> Json:
-    """The JSON document: mean and spread of each size and solver."""
+    """Return the JSON document: mean and spread of each size and solver."""
     by_size: dict[str, list[list[Json]]] = {f"{m}/{steps}": [] for m, steps in study.sizes}
     opposed = []
     for rows in scenes:
@@ -570,13 +570,13 @@ def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) 
         **study.settings,
         "machine": machine,
         "runs": study.runs,
-        "sizes": [_size(size, found, study) for size, found in sizes],
+        "sizes": [_size(size, of_size, study) for size, of_size in sizes],
         "contradictions": opposed,
     }
 
 
 def _as_run(row: Row) -> Json:
-    """A row by the names of a run of a solver."""
+    """Return a row by the names of a run of a solver."""
     has = row["status"] != "failed"
     return {**row, "name": row[LABEL + "solver"], "total": row["total_upper"] if has else None}
 
@@ -616,8 +616,8 @@ def _solver(
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [runs[k] for runs in scenes]
     known = [(runs[k], referee(runs)) for runs in sound if runs[k]["total"] is not None]
-    found = [errors(run, total) for run, total in known]
-    above = [error for error, _ in found if error is not None]
+    ends = [errors(run, total) for run, total in known]
+    above = [error for error, _ in ends if error is not None]
     return {
         "name": name_of(solver),
         "solver": solver.name,
@@ -625,7 +625,7 @@ def _solver(
         "seconds": spread(run["seconds"] for run, _ in known),
         "error": spread(error for error in above if math.isfinite(error)),
         "infinite_errors": sum(map(math.isinf, above)),
-        "lower_error": spread(below for _, below in found),
+        "lower_error": spread(below for _, below in ends),
         "entropic_error": spread(entropic_error(run["entropic.dual"], own) for run, own in known),
         "entropic_cost_error": spread(
             entropic_error(run["entropic.cost"], own) for run, own in known

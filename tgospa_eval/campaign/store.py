@@ -95,7 +95,7 @@ def read_part(path: Path) -> Iterator[None]:
 
 
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
-    """What the row of a job says of its steps; with them, where they are asked for.
+    """Return the steps of a job as columns of its row, if they are requested.
 
     These are, by column: the times as they were read; how many steps of the horizon are no later
     than each; costs, in state units to the power p; and value of the steps up to each by
@@ -121,7 +121,7 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
 
 
 def step_table(rows: Sequence[Row]) -> "pa.Table | None":
-    """The steps of all jobs that have some, one job below the other."""
+    """Return the steps of all jobs that have some, one job below the other."""
     import pyarrow as pa
 
     having = [row for row in rows if row.get(STORED_STEPS)]
@@ -143,7 +143,7 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
 
 
 def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-    """The steps of the jobs of these rows; None if none has any.
+    """Read the steps of the jobs of these rows; None if none has any.
 
     Returns
     -------
@@ -199,8 +199,8 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:
         own = rows.loc[sums.index, name]
-        apart = (sums[name] - own).abs() > ADD_UP * own + TINY
-        for job in sums.index[apart]:
+        differs = (sums[name] - own).abs() > ADD_UP * own + TINY
+        for job in sums.index[differs]:
             yield job, f"{name} sums to {sums[name][job]:.15g}, but the job has {own[job]:.15g}"
     order = rows["order"].reindex(steps["job"]).to_numpy()
     value, lower, upper = (steps[name].to_numpy(float) for name in CURVE_COLUMNS)
@@ -294,7 +294,7 @@ PART_FOLDER = "jobs"
 
 
 def is_store(path: str | None) -> bool:
-    """Whether it is the folder of a batch."""
+    """Return whether a path is the folder of a batch."""
     return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
 
 
@@ -354,7 +354,7 @@ class Store:
             )
 
     def settings(self) -> dict[str, Any]:
-        """What was evaluated, and how.
+        """Return the settings of the evaluation.
 
         Raises
         ------
@@ -397,12 +397,12 @@ class Store:
         labels = [name for name in table.column_names if name.startswith("label.")]
         # A file that changed since has another key: its older row is one of the past.
         same = [*labels, "truth", "estimate", "options"]
-        found: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
-        found["_done"] = found["status"] == "done"
-        found = found.sort_values(["_done", "finished"], kind="stable")
-        found = found.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
-        found = found.drop_duplicates(same, keep="last")
-        kept = found.sort_values(labels or "key", kind="stable").index
+        latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
+        latest["_done"] = latest["status"] == "done"
+        latest = latest.sort_values(["_done", "finished"], kind="stable")
+        latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
+        latest = latest.drop_duplicates(same, keep="last")
+        kept = latest.sort_values(labels or "key", kind="stable").index
         # All columns, which are many, are taken once.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
@@ -438,7 +438,7 @@ class Store:
             write(beside)
 
     def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-        """The steps of the jobs of these rows; None if none has any.
+        """Read the steps of the jobs of these rows; None if none has any.
 
         Raises
         ------
