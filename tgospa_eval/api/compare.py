@@ -480,7 +480,7 @@ def ranked(
                 effort = Resources(jobs=solver.jobs, stopwatch=stopwatch)
                 beside = other_metrics(prepared, with_, effort, result.proof)
                 others.setdefault(name, []).append(beside)
-            made = ranking.outcome(path, result, prepared.moments, per_step=per_step)
+            made = ranking.outcome(path, result, prepared.timestamps, per_step=per_step)
             found.setdefault(name, []).append(made)
     whole = len(found[names[-1]]) if names[-1] in found else 1
     entrants = {name: own[:whole] for name, own in found.items()}

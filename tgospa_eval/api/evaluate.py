@@ -258,10 +258,10 @@ def evaluate_pair(
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None
     if request.slices:
-        from tgospa_eval.evaluation.slices import cut, slicings  # lazy: few ask for them
+        from tgospa_eval.evaluation.slices import slice_members, slicings  # lazy: few ask for them
 
         with stopwatch.span("slices"):
-            slices = cut(aligned, request.slices, request.parameters.cutoff)
+            slices = slice_members(aligned, request.slices, request.parameters.cutoff)
     stopwatch.progress.begin(request.parameters.root)
     solution = request.solver(prepared.states, stopwatch)
     result = prove(prepared, request.solver, solution, stopwatch, request)
@@ -274,8 +274,8 @@ def evaluate_pair(
         result = replace(result, with_=joined([others]), sums=others.sums())
     if slices is not None:
         with stopwatch.span("slices"):
-            sliced = slicings(slices, result)
-        result = replace(result, sliced=sliced, timings=nested_timings(stopwatch))
+            split = slicings(slices, result)
+        result = replace(result, slicings=split, timings=nested_timings(stopwatch))
     return result_of(result)
 
 

@@ -96,7 +96,7 @@ def pair_notices(
         ignored, excused = (
             bool(marks_of(side, NOT_JUDGED).any()) for side in (aligned.truth, aligned.estimate)
         )
-        for text in request.ignoring.told(ignored=ignored, excused=excused):
+        for text in request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)
     found = diagnosis.diagnose(sides, request, sound=sound)
     yield from found
@@ -106,7 +106,7 @@ def pair_notices(
             distance,
             parameters,
             request.defaults,
-            others=diagnosis.explained(found),
+            is_explained=diagnosis.explained(found),
             boxes=any(side.centres for side in files),
         )
     if not request.solver.referee:
@@ -153,7 +153,10 @@ def about_run(
 def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]:
     """Where the accuracy that was asked for is not reached."""
     if result.certified:
-        asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
+        asked = (
+            (result.curve_bounds, "step", " of the curve"),
+            (result.window_bounds, "window", ""),
+        )
         for found, what, of in asked:
             missed = 0 if found is None else int(np.count_nonzero(~found.met(result.gap)))
             if missed:

@@ -162,8 +162,8 @@ def resolve_request(options: Request) -> ResolvedRequest:
 
 
 def _resolved(options: Request) -> ResolvedRequest:
-    asked = () if options.with_ is None else chosen_metrics(options.with_)
-    others, nees = tuple(name for name in asked if name != NEES), NEES in asked
+    of_options = () if options.with_ is None else chosen_metrics(options.with_)
+    others, nees = tuple(name for name in of_options if name != NEES), NEES in of_options
     if options.by and others:
         raise ConfigError(
             f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
@@ -197,7 +197,7 @@ def _resolved(options: Request) -> ResolvedRequest:
             time_matching=_time_matching(options),
             unit=options.unit,
             curve=options.curve,
-            sliding=Sliding.asked(options.window, options.every),
+            sliding=Sliding.of_options(options.window, options.every),
             with_=others,
             nees=nees,
             defaults=defaults,
@@ -293,18 +293,18 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
     """What costs are split by, and the columns that this may need."""
     if not options.slices:
         return (), ()
-    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # lazy: as weights
+    from tgospa_eval.evaluation.slicing import parse_slices, requested_columns  # lazy: as weights
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
-    return slices, columns_asked(slices)
+    return slices, requested_columns(slices)
 
 
 def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
     speed = options.max_speed or 0.0
     marks = (options.preprocess or "").endswith(":ignore")
-    asked = options.max_speed is not None or options.ignore_regions is not None
-    if not (options.ignore or marks or asked):
+    has_more = options.max_speed is not None or options.ignore_regions is not None
+    if not (options.ignore or marks or has_more):
         return None
     from tgospa_eval.evaluation.ignoring import (  # lazy: as weights
         GAPS,
@@ -355,7 +355,8 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
 def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
     """How to read a truth with all that the rules of a benchmark look at."""
-    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # lazy: as above
+    # lazy: as above
+    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, evaluated_class
 
     rule = str(options.preprocess)
     if not measure.boxes:
@@ -376,7 +377,7 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
         return truth
     return replace(
         truth,
-        also=(*truth.also, *NEIGHBOURS[judged_class(truth.classes, rule)]),
+        also=(*truth.also, *NEIGHBOURS[evaluated_class(truth.classes, rule)]),
         attributes=(*truth.attributes, *HIDDEN),
     )
 

@@ -68,7 +68,7 @@ class Showable(Evaluation, Reportable):
             There is no such attribute, or its values do not fit what is asked for.
         """
         if not by:
-            return self.sliced
+            return self.slicings
         from tgospa_eval.evaluation.slices import slices_of  # lazy: slow to import
 
         assert isinstance(self, (PairEvaluation, EvaluationByClass))
@@ -419,7 +419,7 @@ class ResultInParts(Showable, PartitionedResult):
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
         if by:
             self._refuse("slices")
-        return self.sliced
+        return self.slicings
 
     def plot_lanes(self, **_: object) -> NoReturn:  # noqa: D102
         self._refuse("plot_lanes")

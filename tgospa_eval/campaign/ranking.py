@@ -194,7 +194,7 @@ class RunOutcome:
         Misses, false targets, switches.
     steps : dict of (T,) float arrays
         Costs of each step, by part; and the values of other rules, by rule.
-    moments, times : (T,) array and list
+    timestamps, times : (T,) array and list
         The steps, as numbers and as they were read.
     evaluated_on : mapping
         What it was judged on, as `Coverage.record`.

@@ -99,9 +99,9 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
 
 def stored_slices(result: Evaluation) -> dict[str, str]:
     """Return the columns of slices in the row of a job."""
-    if not result.sliced:
+    if not result.slicings:
         return {}
-    return {STORED_SLICES: json.dumps([one.record() for one in result.sliced])}
+    return {STORED_SLICES: json.dumps([one.record() for one in result.slicings])}
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:

@@ -77,9 +77,9 @@ class SimilarPairs:
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
-    def near(self, least: float) -> "SimilarPairs":
-        """Those with at least this similarity."""
-        kept = self.similarity >= least
+    def near(self, threshold: float) -> "SimilarPairs":
+        """Return the pairs with at least this similarity."""
+        kept = self.similarity >= threshold
         return SimilarPairs(
             step=self.step[kept],
             place=self.place[:, kept],
@@ -123,8 +123,8 @@ def hota(pairs: SimilarPairs) -> Sums:
 
     matches, error = np.zeros(len(THRESHOLDS)), np.zeros(len(THRESHOLDS))
     association = np.zeros((3, len(THRESHOLDS)))
-    for k, least in enumerate(THRESHOLDS - TRACKEVAL_EPS):
-        matched = similarity >= least
+    for k, minimum in enumerate(THRESHOLDS - TRACKEVAL_EPS):
+        matched = similarity >= minimum
         matches[k] = np.count_nonzero(matched)
         error[k] = _by_step(step[matched], similarity[matched])
         count = np.bincount(cell[matched], minlength=len(cells))
@@ -207,15 +207,15 @@ METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
 
 
 def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
-    """Sums of several sequences as of one; ratios of matches are means over all matches."""
+    """Join sums of several sequences; ratios of matches are means over all matches."""
     sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
     if name == "hota":
         matches = sums["HOTA_TP"]
-        for key, least in (("AssA", 1.0), ("AssRe", 1.0), ("AssPr", 1.0), ("LocA", 1e-10)):
+        for key, minimum in (("AssA", 1.0), ("AssRe", 1.0), ("AssPr", 1.0), ("LocA", 1e-10)):
             weighted = sum([each[key] * each["HOTA_TP"] for each in every])
             if key == "LocA":
-                weighted = np.maximum(least, weighted)
-            sums[key] = weighted / np.maximum(least, matches)
+                weighted = np.maximum(minimum, weighted)
+            sums[key] = weighted / np.maximum(minimum, matches)
     return sums
 
 
@@ -279,7 +279,7 @@ def _by_step(step: Ints, values: Floats) -> np.float64:
 
 
 def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
-    """Sums of rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
+    """Sum rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
 
     NumPy halves long rows, at multiples of 8; `index` is sorted.
     """
@@ -290,6 +290,6 @@ def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
         dense[:, index] = values
         return np.asarray(dense.sum(axis=1))
     half = size // 2 - size // 2 % 8
-    cut = int(np.searchsorted(index, half))
-    first = _as_dense(index[:cut], values[:, :cut], half)
-    return first + _as_dense(index[cut:] - half, values[:, cut:], size - half)
+    split = int(np.searchsorted(index, half))
+    first = _as_dense(index[:split], values[:, :split], half)
+    return first + _as_dense(index[split:] - half, values[:, split:], size - half)

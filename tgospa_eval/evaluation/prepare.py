@@ -15,7 +15,7 @@ from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
+from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, with_outages
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import (
     Parameters,
@@ -102,7 +102,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """The problem of pairs that include all nearer than the cutoff."""
+        """Return the problem of pairs that include all nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -111,7 +111,7 @@ class MeasuredSides(ComparedSides):
         return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
-        """With the reduced problem, ready for a solver."""
+        """Return the pair with the reduced problem, ready for a solver."""
         settings = {**parameters.recorded, **self.settings}
         return recast(self, PreparedPair, parameters=parameters, states=states, settings=settings)
 
@@ -146,7 +146,7 @@ class PreparedPair(MeasuredSides):
 
     @property
     def compared(self) -> ComparedSides:
-        """What a proof says of the two sides."""
+        """Sides of the proof."""
         kept = vars(self)
         return ComparedSides(**{field.name: kept[field.name] for field in fields(ComparedSides)})
 
@@ -158,7 +158,7 @@ def prepare(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> PreparedPair:
-    """The problem of two sides, all before the solver."""
+    """Build the problem of two sides, all before the solver."""
     measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
@@ -203,22 +203,22 @@ class NearPairs:
         request: EvaluationRequest,
         distance: Distance,
         cutoff: float,
-        effort: Resources,
+        resources: Resources,
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
-        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        compared = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
         raw = distance
-        sides, distance = distance.prepared(seen, effort)
+        sides, distance = distance.prepared(compared, resources)
         margin = 0.0
         if unjudged is not None and unjudged[0].any():
             margin = distance.margin(sides, cutoff)
 
         def pairs_of(sides: Sides, reach: Floats | None) -> Pairs:
-            pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
+            pairs = prepared_pairs(sides, cutoff, distance, resources, margin=margin)
             if reach is None:
                 return pairs
-            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
+            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, resources)
 
         held = aligned.held
         if held is None:
@@ -226,12 +226,12 @@ class NearPairs:
         else:
 
             def at_reports(both: Sides) -> Pairs:
-                seen = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
-                return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
+                compared = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
+                return pairs_of(raw.prepared(compared, resources)[0], reach_of(both[0], request))
 
-            pairs = held_pairs(held, (aligned.truth, aligned.estimate), at_reports)
-            most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
-            pairs = pairs.chosen(np.flatnonzero(pairs.distance <= most))
+            pairs = pairs_at_reports(held, (aligned.truth, aligned.estimate), at_reports)
+            widest = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
+            pairs = pairs.chosen(np.flatnonzero(pairs.distance <= widest))
         return cls(
             sides=sides,
             distance=distance,
@@ -242,7 +242,7 @@ class NearPairs:
         )
 
     def problem(self, parameters: Parameters) -> Problem:
-        """The problem of these pairs, with what is not judged."""
+        """Return the problem of these pairs, with the states that are not judged."""
         (truth, estimate), pairs, near, at_cutoff = self.sides, self.pairs, None, 0
         if self.unjudged is not None:
             near = pairs.distance < parameters.cutoff
@@ -286,15 +286,15 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
-def held_pairs(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
+def pairs_at_reports(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
     """Pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
-    found: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
+    blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
     for (truth, reports), rows in held.blocks():
         part = search((truth, reports))
         track = held.number(truth)[truth.track[part.truth_row]]
-        found.append((track, rows[part.estimate_row], part.distance))
-    track, report, distance = map(np.concatenate, zip(*found, strict=True))
+        blocks.append((track, rows[part.estimate_row], part.distance))
+    track, report, distance = map(np.concatenate, zip(*blocks, strict=True))
     row, other, length = held.on_clock((track, report, distance), sides)
     return Pairs(truth_row=row, estimate_row=other, distance=length)
 
@@ -351,8 +351,8 @@ def measure(
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
-        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        near = NearPairs.of(aligned, request, distance, cutoff, effort)
+        resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
+        near = NearPairs.of(aligned, request, distance, cutoff, resources)
         truth, estimate = near.sides
     weights = None
     if request.step_weights is not None:
@@ -366,7 +366,7 @@ def measure(
             estimates=estimate.ids.tolist(),
             unit=request.unit,
         ),
-        moments=truth.times,
+        timestamps=truth.times,
         settings=recorded_settings(distance, request, truth.columns, aligned.held),
         recorded=recorded,
         **scene,
@@ -382,7 +382,7 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """How far beyond the cutoff each row of the truth may be followed, if any may."""
+    """Return how far beyond the cutoff each row of the truth may be followed, if any may."""
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
     if not speed or AWAY not in truth.attributes:  # nothing was interpolated
         return None
@@ -395,7 +395,7 @@ def with_far_pairs(
     distance: Distance,
     cutoff: tuple[float, float],
     reach: Floats,
-    effort: Resources,
+    resources: Resources,
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
 
@@ -406,8 +406,8 @@ def with_far_pairs(
         return pairs
     gaps = sides[0].chosen(rows)
     margin = cutoff[1]
-    most = cutoff[0] + float(reach.max())
-    far = prepared_pairs((gaps, sides[1]), most, distance, effort, margin=margin)
+    widest = cutoff[0] + float(reach.max())
+    far = prepared_pairs((gaps, sides[1]), widest, distance, resources, margin=margin)
     row = rows[far.truth_row]
     kept = far.distance <= cutoff[0] + reach[row] + margin
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
@@ -424,12 +424,12 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     """Ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    found = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
-    return found if any(mask.any() for mask in found) else None
+    masks = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
+    return masks if any(mask.any() for mask in masks) else None
 
 
-def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
-    """What a value is judged on: the digest of the truth that counts, and that of the regions."""
+def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
+    """Return the digest of the truth that counts, and of the regions."""
     regions = None if request.ignoring is None else request.ignoring.regions
     if regions is None:
         return truth
@@ -449,15 +449,15 @@ def _recorded(
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
-    judged = judge(sides.axis.horizon, counts, digest_of_judged(request, sha256))
+    evaluated_on = judge(sides.axis.horizon, counts, digest_of_evaluated(request, sha256))
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
-    found = {
+    records = {
         role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
         for role, file, sha256, (off_grid, off_steps) in zip(
             ("truth", "estimate"), files, digests, left_out, strict=True
         )
     }
-    return found, judged
+    return records, evaluated_on
 
 
 def fit(
@@ -489,7 +489,7 @@ def fit(
         across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
         cutoff = request.parameters.cutoff
         axis = on_axis(given, time_matching, distance, names, cutoff, across)
-        axis = charged(axis, time_matching, distance, names, cutoff)
+        axis = with_outages(axis, time_matching, distance, names, cutoff)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
@@ -497,7 +497,7 @@ def fit(
         near = request.time_matching.near
         truth = request.ignoring.ignore_inside(truth, near, names[0])
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
-    silent = axis.outages.ticks if axis.outages is not None and axis.outages.charged else None
+    silent = axis.outages.ticks if axis.outages is not None and axis.outages.counted else None
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.held is not None:
         aligned = replace(aligned, held=axis.held)
@@ -521,7 +521,7 @@ def fit(
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """The weights of the steps as a document names them: by their digest."""
+    """Return the weights of the steps as a document names them: by their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

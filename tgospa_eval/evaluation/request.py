@@ -1,4 +1,4 @@
-"""What is asked of an evaluation, whoever asks: a command line, a suite, or Python."""
+"""Request of an evaluation, from a command line, a suite, or Python."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -59,8 +59,8 @@ class Sliding:
             )
 
     @classmethod
-    def asked(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
-        """From options: `every` is half a window by default; None without a window.
+    def of_options(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
+        """Make windows of options: `every` is half a window by default; None without a window.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Whether stamps of this kind have seconds, if windows are stretches of time.
+        """Check that stamps of this kind have seconds, if windows are stretches of time.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class Sliding:
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """The length of a window of a recording of so many steps, in words."""
+        """Format the length of a window of a recording of so many steps."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
@@ -123,16 +123,16 @@ def in_words(length: int | Duration) -> str:
 
 
 def _length(given: object, name: str) -> int | Duration:
-    """Steps, or a time with a unit."""
+    """Parse a length: steps, or a time with a unit."""
     if isinstance(given, str) and re.fullmatch(r"\s*[0-9]{1,99}\s*", given):
         given = int(given)
     if isinstance(given, int | np.integer) and not isinstance(given, bool):
         if given >= 1:
             return int(given)
     elif isinstance(given, str):
-        found = Duration.of(given, name)
-        if found.unit and found.nanoseconds >= 1:
-            return found
+        duration = Duration.of(given, name)
+        if duration.unit and duration.nanoseconds >= 1:
+            return duration
     shown = quoted(given) if isinstance(given, str) else repr(given)
     raise ConfigError(
         f"{name} is {shown}: must be a whole number of steps, 1 or more, or a time with a unit, "
@@ -146,13 +146,13 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
     length = min(size.nanoseconds, end - begin + 1)  # numbers of any size are asked for
-    apart = min(every.nanoseconds, length)
-    count = max((end - length - begin) // apart + 1, 0)
+    spacing = min(every.nanoseconds, length)
+    count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(
             f"{option('every', every.text)}: there are {count:,} windows; at most {MAX_STEPS:,}"
         )
-    opens = np.append(begin + apart * np.arange(count, dtype=np.int64), end - length + 1)
+    opens = np.append(begin + spacing * np.arange(count, dtype=np.int64), end - length + 1)
     first = np.searchsorted(times, opens)
     last = np.searchsorted(times, opens + length) - 1
     other = (np.diff(first, prepend=-1) != 0) | (np.diff(last, prepend=-1) != 0)
@@ -236,13 +236,13 @@ class EvaluationRequest:
             )
         if self.probabilistic and self.parameters.rho != 0.5:
             raise ConfigError(needs_symmetry())
-        for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
-            if asked and not self.solver.proves:
+        for of_options, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
+            if of_options and not self.solver.proves:
                 raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What is read of states beside points: what the distance compares, or all for NEES."""
+        """Columns of states beside points: those that the distance compares, or all for NEES."""
         return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 
     @property
@@ -284,11 +284,11 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
     ConfigError
         A name is not that of a metric.
     """
-    asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
-    asked = [NUMBERS_OF.get(name, name) for name in asked]
-    for name in asked:
+    chosen = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
+    chosen = [NUMBERS_OF.get(name, name) for name in chosen]
+    for name in chosen:
         if name not in OTHER_METRICS:
             raise ConfigError(
                 f"{option('with_')} {quoted(name)}: must be of {', '.join(OTHER_METRICS)}"
             )
-    return tuple(name for name in OTHER_METRICS if name in asked)
+    return tuple(name for name in OTHER_METRICS if name in chosen)

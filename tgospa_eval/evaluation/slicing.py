@@ -1,4 +1,4 @@
-"""What an evaluation is to be split by: ``NAME[=EDGES]``, two of them with ``*`` between."""
+"""Slices of an evaluation: ``NAME[=EDGES]``, two of them with ``*`` between."""
 
 import math
 from collections.abc import Iterable
@@ -82,14 +82,14 @@ class SliceBy:
 
 
 def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[SliceBy, ...]:
-    """What each of the texts asks for; `summed` as of `SliceBy`.
+    """Parse the texts of slices; `summed` as of `SliceBy`.
 
     Raises
     ------
     ConfigError
         One cannot be understood, or is given twice.
     """
-    found: dict[str, SliceBy] = {}
+    slices_by_text: dict[str, SliceBy] = {}
     several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts
     for text in several:
         if not isinstance(text, str):
@@ -101,13 +101,13 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
             )
         attributes = tuple(_attribute(part, text) for part in parts)
         by = CROSSED.join(parts)
-        if by in found:
+        if by in slices_by_text:
             raise ConfigError(f"{option('slices')} {quoted(text)}: given twice")
-        found[by] = SliceBy(text=by, attributes=attributes, summed=summed)
-    return tuple(found.values())
+        slices_by_text[by] = SliceBy(text=by, attributes=attributes, summed=summed)
+    return tuple(slices_by_text.values())
 
 
-def columns_asked(slices: Iterable[SliceBy]) -> tuple[str, ...]:
+def requested_columns(slices: Iterable[SliceBy]) -> tuple[str, ...]:
     """Columns that readers should look for."""
     names = (name for by in slices for part in by.attributes for name in part.columns)
     return tuple(dict.fromkeys(names))

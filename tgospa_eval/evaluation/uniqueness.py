@@ -1,4 +1,4 @@
-"""Whether the prices of a result show that no other assignment of near pairs is as good.
+"""Proof by the prices of a result that no other assignment of near pairs is as good.
 
 At best prices v every best assignment is a mixture of paths that are best for their rows, and fills
 every slot with v > 0 (complementary slackness). Rows that compete for an estimate are indifferent
@@ -32,7 +32,7 @@ ROUNDS = 50
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
-    """Whether the assignment is shown to be the only best one.
+    """Return whether the assignment is shown to be the only best one.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
 
 
 class _Rows:
-    """What the best paths of the rows may be; fewer with each conclusion.
+    """Candidates for the best paths of the rows; fewer with each conclusion.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class _Rows:
         self.row = states.pair_row[states.pair]
         single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
         # Rows with a single pair have no slots: nothing of theirs is beside it.
-        self.alone = np.repeat(single, np.diff(states.pair_first))
+        self.is_single = np.repeat(single, np.diff(states.pair_first))
         self.near, self.needed = _marks(states, self.value, prices, reach)
         self.certain = np.zeros(len(states.begin), bool)
         self.closed = np.zeros(len(states.begin), bool)
@@ -103,9 +103,9 @@ class _Rows:
         """Close what is beside certain states, and fill priced slots; whether that is possible."""
         columns, rows = self.states.columns, self.states.rows
         while True:
-            at = np.where(self.alone, 0, rows.begin)
+            at = np.where(self.is_single, 0, rows.begin)
             count = np.append(rows.sums(self.near.astype(np.int64)), 1)[at]
-            fresh = self.near & self.needed & (self.alone | (count == 1))
+            fresh = self.near & self.needed & (self.is_single | (count == 1))
             must = self.priced & (columns.sums(self.near.astype(np.int64)) == 1)
             fresh = (fresh | (self.near & columns.touching(must))) & ~self.certain
             if not fresh.any():
@@ -118,9 +118,9 @@ class _Rows:
                 self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
-    def survey(self, asked: Mask) -> bool:
+    def survey(self, wanted: Mask) -> bool:
         """Look for the best paths of some rows (nodes,) anew; whether fewer are left."""
-        part, own = self.states.of_pairs(np.flatnonzero(asked[self.states.pair_row]))
+        part, own = self.states.of_pairs(np.flatnonzero(wanted[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
         near, needed = self.near[own] & (loss <= self.reach), without > self.reach
@@ -146,7 +146,7 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """By how much the best path of the row is better than the best one with restrictions.
+    """Return how much better the best path of a row is than the best one with restrictions.
 
     Viterbi forward and backward in time, as `problem.paths.best_values` does it.
 

@@ -239,7 +239,7 @@ class Trials:
             steps=old.steps,
         )
         before = self.aligned
-        step = np.searchsorted(before.truth.times, prepared.moments).clip(0, old.steps - 1)
+        step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
         # A truth that had no row on the grid had no pair either.

@@ -509,7 +509,7 @@ class StatePlaces:
     ----------
     truth, estimate : Trajectories
         On the grid.
-    moments : (T,) float array
+    timestamps : (T,) float array
         Its stamps, as numbers.
     distance : Distance
         One that compares states without covariances.
@@ -523,7 +523,7 @@ class StatePlaces:
 
     def __init__(self, sides: AlignedPair, parameters: Parameters, *, probabilistic: bool) -> None:
         self.truth, self.estimate = sides.alignment.truth, sides.alignment.estimate
-        self.moments = self.truth.times.astype(np.float64)
+        self.timestamps = self.truth.times.astype(np.float64)
         self.distance, self.parameters = sides.distance.lower_bound, parameters
         periods = periods_of(sides.distance, columns := sides.read[0].columns)
         self.period = np.array([periods.get(column, np.inf) for column in columns])
@@ -554,8 +554,8 @@ def filled(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candi
     which = np.repeat(np.arange(len(gap)), size)
     step = concatenated(side.step[left].astype(np.int64) + 1, size)
     a, b = left[which], right[which]
-    begin, end = (places.moments[side.step[row]] for row in (a, b))
-    share = ((places.moments[step] - begin) / (end - begin))[:, None]
+    begin, end = (places.timestamps[side.step[row]] for row in (a, b))
+    share = ((places.timestamps[step] - begin) / (end - begin))[:, None]
     states = places.estimate.state
     state = states[a] + share * places.apart(states[a], states[b])
     truth = np.where(assigned.follows[left] >= 0, assigned.follows[left], assigned.follows[right])
@@ -620,7 +620,7 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
     first, last = tracks.first[there], tracks.first[there + 1] - 1
-    states, moments = places.estimate.state, places.moments
+    states, timestamps = places.estimate.state, places.timestamps
     ahead = np.arange(1, LONGEST_EXTENSION + 1)
     for sign, edge, behind in (
         (1, last, np.maximum(first, last - BEHIND + 1)),
@@ -630,14 +630,14 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
         truth = assigned.follows[row]
         own = np.flatnonzero(truth >= 0)
         row, far, truth = row[own], far[own], truth[own]
-        now = moments[side.step[row]]
-        past = now - moments[side.step[far]]
+        now = timestamps[side.step[row]]
+        past = now - timestamps[side.step[far]]
         away = places.apart(states[far], states[row])
         speed = away / np.where(past == 0, 1.0, past)[:, None]
         step = side.step[row].astype(np.int64)[:, None] + sign * ahead
-        inside = (step >= 0) & (step < len(moments))
+        inside = (step >= 0) & (step < len(timestamps))
         at = np.where(inside, step, 0)
-        state = states[row][:, None] + (moments[at] - now[:, None])[..., None] * speed[:, None]
+        state = states[row][:, None] + (timestamps[at] - now[:, None])[..., None] * speed[:, None]
         wanted = np.repeat(truth, LONGEST_EXTENSION), np.where(inside, step, -1).ravel()
         price = np.repeat(side.price[row], LONGEST_EXTENSION)
         flat = state.reshape(-1, states.shape[1])

@@ -84,9 +84,9 @@ class Evaluation(ABC):
         Version of the package that made it.
     split : mapping of str to float, optional
         Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
-    traced : Brackets, optional
+    curve_bounds : Brackets, optional
         Costs of the steps up to each step, if they were asked for.
-    slid : Windows, optional
+    window_bounds : Windows, optional
         Costs of sliding windows, if they were asked for.
     warnings : tuple of Notice
         What looks wrong, with `code`, `text` and `remedy`.
@@ -96,7 +96,7 @@ class Evaluation(ABC):
         Paths of truth and estimate as they were given; None of what was no file.
     with_ : dict
         Other metrics, those that were asked for: numbers by metric and name.
-    sliced : tuple of Slicing
+    slicings : tuple of Slicing
         Costs and counts split by attributes, those that were asked for.
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
@@ -125,13 +125,13 @@ class Evaluation(ABC):
     objects: tuple[int, int]
     version: str
     split: Mapping[str, float] | None = None
-    traced: Brackets | None = None
-    slid: Windows | None = None
+    curve_bounds: Brackets | None = None
+    window_bounds: Windows | None = None
     warnings: tuple[Notice, ...] = ()
     notices: tuple[str, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: records.OtherMetrics = field(default_factory=dict)
-    sliced: tuple[Slicing, ...] = ()
+    slicings: tuple[Slicing, ...] = ()
     sums: records.MetricSums = field(default_factory=dict)
     unjudged: Unjudged | None = None
     nees: NeesSums | None = None
@@ -203,7 +203,7 @@ class Evaluation(ABC):
         """True if the requested gap is reached, also by each step of the curve and each window."""
         if self.solver["name"] != "certified":
             return bool(self.solver["finished"])
-        parts = (part for part in (self.traced, self.slid) if part is not None)
+        parts = (part for part in (self.curve_bounds, self.window_bounds) if part is not None)
         return self.certified and all(bool(part.met(self.gap).all()) for part in parts)
 
     @property
@@ -375,7 +375,7 @@ class Evaluation(ABC):
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
         (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
         """
-        bounds = self.traced
+        bounds = self.curve_bounds
         if bounds is None:
             return {}
         steps = self.evaluated_on.so_far
@@ -392,7 +392,7 @@ class Evaluation(ABC):
         Of each window the metric by itself with its bounds and the parts of its cost, and
         ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
         """
-        windows = self.slid
+        windows = self.window_bounds
         if windows is None:
             return {}
         times = self.labels.times
@@ -445,8 +445,8 @@ class Evaluation(ABC):
 
     def to_dict(self) -> records.Json:
         """The JSON document as plain Python values."""
-        curve = {} if self.traced is None else {"curve": records.records(self.table("curve"))}
-        if self.slid is not None:
+        curve = {} if self.curve_bounds is None else {"curve": records.records(self.table("curve"))}
+        if self.window_bounds is not None:
             curve["windows"] = records.records(self.table("windows"))
         return {
             **self.split_parts,
@@ -455,7 +455,7 @@ class Evaluation(ABC):
             **({} if self.nees is None else {NEES: self.nees.record()}),
             **({} if self.ignored is None else {"ignored": self.ignored}),
             **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
-            **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
+            **({"slices": [one.record() for one in self.slicings]} if self.slicings else {}),
             "schema": RESULT_SCHEMA,
             **{name: getattr(self, name) for name in DOCUMENTED},
             **self._records(),

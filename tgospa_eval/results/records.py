@@ -309,7 +309,7 @@ class ComparedSides:
 
     Parameters
     ----------
-    moments : (T,) int or float array
+    timestamps : (T,) int or float array
         The steps, as numbers.
     labels : Labels
         Ids.
@@ -329,7 +329,7 @@ class ComparedSides:
         Reports of which the rows of the estimate are, on a common clock.
     """
 
-    moments: NDArray[Any]
+    timestamps: NDArray[Any]
     labels: Labels
     settings: Mapping[str, object]
     columns: tuple[str, ...]

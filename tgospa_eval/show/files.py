@@ -378,8 +378,8 @@ def result_texts(
     for name, table in ((name, result.table(name)) for name in tables):
         if table:
             texts[f"{name}.csv"] = csv_text(table)
-    if result.sliced:
-        texts["slices.csv"] = csv_text(slices_columns(result.sliced))
+    if result.slicings:
+        texts["slices.csv"] = csv_text(slices_columns(result.slicings))
     explained = explanation_of(result)
     if explained is not None:
         texts["explanation.json"] = explained.to_json()

@@ -133,7 +133,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "classes": result_text.class_table(result),
         "others": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
-        "about_slices": list(result_text.about_slices(result.sliced, certified=result.certified)),
+        "about_slices": list(result_text.about_slices(result.slicings, certified=result.certified)),
         "summary": rendering.Table(
             head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
         ),

@@ -233,8 +233,8 @@ def _result_data(result: Evaluation) -> PlotData:
         "switches": _switches(parts),
         "repairs": _repairs(result),
     }
-    if result.slid is not None:
-        data["windows"] = _windows(result, result.slid)
+    if result.window_bounds is not None:
+        data["windows"] = _windows(result, result.window_bounds)
     return drawn_data(
         {name: _joined(parts, name, len(columns)) for name in KINDS},
         columns,
@@ -714,8 +714,8 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
     of the steps 1..k from above.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
-    if result.traced is not None:
-        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    if result.curve_bounds is not None:
+        parts = dict(zip(PARTS, result.curve_bounds.parts, strict=True))
     else:
         parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
     parts["total"] = sum(parts.values(), np.zeros(len(steps)))

@@ -449,7 +449,7 @@ def document(result: Evaluation) -> Document:
     ]
     tables.append(Table(head=("summary", "value"), rows=numbers))
     tables += [other_table(result.with_)] if result.with_ else []
-    tables += map(slices_table, result.sliced)
+    tables += map(slices_table, result.slicings)
     tables += [repair_table(result, repairs)] if repairs is not None and repairs.repairs else []
     scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
     return Document(
@@ -462,7 +462,7 @@ def document(result: Evaluation) -> Document:
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),
-            *about_slices(result.sliced, certified=result.certified),
+            *about_slices(result.slicings, certified=result.certified),
             *(() if repairs is None else repair_notes(repairs)),
         ],
         warnings=result.messages,
@@ -548,7 +548,7 @@ def similarity_in_words(result: Evaluation) -> str:
 
 def _curve(result: Evaluation) -> Iterator[str]:
     """The normalised curve at a few steps, the last one included."""
-    table, bounds = result.table("curve"), result.traced
+    table, bounds = result.table("curve"), result.curve_bounds
     if bounds is None or not table["t"]:
         return
     met, size = bounds.met(result.gap), len(table["t"])
@@ -565,7 +565,7 @@ def _curve(result: Evaluation) -> Iterator[str]:
 
 def _windows(result: Evaluation) -> Iterator[str]:
     """Number of windows, and the worst of them."""
-    table, windows = result.table("windows"), result.slid
+    table, windows = result.table("windows"), result.window_bounds
     if windows is None or not table["t_first"]:
         return
     met, size = windows.met(result.gap), len(table["t_first"])
@@ -622,10 +622,10 @@ def _others(result: Evaluation) -> Iterator[str]:
 
 
 def _slices(result: Evaluation) -> Iterator[str]:
-    for slicing in result.sliced:
+    for slicing in result.slicings:
         yield from slices_lines(slicing)
         yield ""
-    for text in about_slices(result.sliced, certified=result.certified):
+    for text in about_slices(result.slicings, certified=result.certified):
         yield from wrap(f"  {text}", "  ")
 
 
