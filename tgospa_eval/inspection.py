@@ -78,7 +78,7 @@ def _about(reading: Reading) -> Iterator[Notice]:
 
 
 def describe(path: str, reading: Reading) -> Json:
-    """Counts and extents of one file."""
+    """Return counts and extents of one file."""
     side = reading.trajectories
     count, first, last = _lives(side)
     holes = last - first + 1 - count
@@ -220,7 +220,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
         return None
-    nearest, others = [], []
+    nearest, next_truths = [], []
     for step in both[np.arange(min(SAMPLE, len(both))) * len(both) // min(SAMPLE, len(both))]:
         a, b = (
             distance.axes(side, slice(*np.searchsorted(side.step, [step, step + 1]).tolist())).T
@@ -231,9 +231,9 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
         nearest.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
         distances = distance.lower_bound(a[:, None], whole[None, :])
         distances[np.arange(len(a)), np.arange(len(a)) * every] = np.inf
-        others.append(distances.min(axis=1))
+        next_truths.append(distances.min(axis=1))
     near = np.concatenate(nearest)
-    suggestion = suggest_cutoff(near, np.concatenate(others))
+    suggestion = suggest_cutoff(near, np.concatenate(next_truths))
     near = np.sort(near)
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()
@@ -268,7 +268,7 @@ CELL = 28
 
 
 def table(document: Json) -> str:
-    """The document in words, for someone who sees it for the first time."""
+    """Return the document in words, for someone who sees it for the first time."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
@@ -295,7 +295,7 @@ def _columns(rows: list[Row]) -> list[str]:
 
 
 def _files(files: list[Json]) -> Iterator[Row]:
-    """A row for each property, a cell for each file."""
+    """Yield a row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
     yield "format", [file["format"] for file in files]
@@ -389,7 +389,7 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
 
 
 def _stretch(time: Json | None) -> str:
-    """The time that both files cover."""
+    """Return the time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
     if time["steps"] == 1:
@@ -399,7 +399,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """The stamps of the estimate that fit better."""
+    """Describe the stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -430,7 +430,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Ends of an interval, with enough digits for them to differ."""
+    """Format ends of an interval, with enough digits for them to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]
@@ -447,7 +447,7 @@ def _number(value: float | None, digits: int = 6) -> str:
 
 
 def _moment(value: Time | None) -> str:
-    """A time as read, without the last digits of sums of decimals: 5.8, not 5.800000000000001."""
+    """Format a time without the rounding of sums of decimals: 5.8, not 5.800000000000001."""
     if not isinstance(value, float):
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"

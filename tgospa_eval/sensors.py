@@ -60,7 +60,7 @@ class Pairing:
         The sides, on the same times.
     pairs : Pairs
         Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
-    apart : (N,) float array
+    mean_distances : (N,) float array
         Distances of their means.
     chosen : (N,) bool array
         Which of them were associated.
@@ -73,7 +73,7 @@ class Pairing:
     first: Trajectories
     second: Trajectories
     pairs: Pairs
-    apart: Floats
+    mean_distances: Floats
     chosen: Mask
     cutoff: float
     distance: Distance
@@ -127,10 +127,10 @@ class Pairing:
             return None
         if isinstance(given, str):  # of each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
-            for moments, one in ((own, side), (other, self.second)):
-                moments[:-1] = 0.0 if one.second_moments is None else one.second_moments
-            alone = (self.partners[0] == NOBODY)[:, None]
-            partner = np.where(alone, own[:-1], other[self.partners[0]])
+            for spread_of_side, one in ((own, side), (other, self.second)):
+                spread_of_side[:-1] = 0.0 if one.second_moments is None else one.second_moments
+            unpaired = (self.partners[0] == NOBODY)[:, None]
+            partner = np.where(unpaired, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
         scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
         if distance.on_earth:
@@ -144,11 +144,11 @@ class Pairing:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
-        alone = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
-        kind = np.repeat((0, 1, 2), (len(pairs), len(alone[0]), len(alone[1])))
+        unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
+        kind = np.repeat((0, 1, 2), (len(pairs), len(unpaired[0]), len(unpaired[1])))
         a, b, pair = np.full((3, len(kind)), NOBODY)
-        a[kind < 2] = np.concatenate((both[0], alone[0]))
-        b[kind != 1] = np.concatenate((both[1], alone[1]))
+        a[kind < 2] = np.concatenate((both[0], unpaired[0]))
+        b[kind != 1] = np.concatenate((both[1], unpaired[1]))
         pair[kind == 0] = pairs
         order = np.lexsort((np.where(kind < 2, a, b), kind, self._steps(a, b)))
         return self._table(a[order], b[order], pair[order])
@@ -190,7 +190,7 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """The steps of rows of the sides, of which one may be `NOBODY`."""
+        """Return the steps of rows of the sides, of which one may be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
@@ -201,7 +201,7 @@ class Pairing:
             (self.first.ids[self.first.track], a),
             (self.second.ids[self.second.track], b),
             (self.pairs.distance, pair),
-            (self.apart, pair),
+            (self.mean_distances, pair),
         )
         table: Columns = {}
         for name, (column, at) in zip(COLUMN_NAMES, values, strict=True):
@@ -217,7 +217,7 @@ def associate(
     cutoff: float,
     distance: str | Distance = "euclidean",
     all_pairs: bool = False,
-    effort: Resources | None = None,
+    resources: Resources | None = None,
 ) -> Pairing:
     """Associate the states of two sides on the same times.
 
@@ -232,7 +232,7 @@ def associate(
     all_pairs : bool
         Measure all pairs of each step, not only those that may be nearer than the cutoff; the
         association is the same.
-    effort : Resources, optional
+    resources : Resources, optional
         Threads, and progress.
 
     Raises
@@ -246,7 +246,7 @@ def associate(
     if not 0 < cutoff < np.inf:
         raise ConfigError(f"cutoff is {cutoff:g}: must be finite and > 0")
     measure = _fitting(first, second, distance)
-    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, effort)
+    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, resources)
     near = np.flatnonzero(pairs.distance < cutoff)
     rows = pairs.truth_row[near], pairs.estimate_row[near]
     chosen = np.zeros(len(pairs.distance), bool)
@@ -254,10 +254,10 @@ def associate(
     begins = np.flatnonzero(np.diff(step, prepend=-1)).tolist()
     for begin, end in pairwise((*begins, len(step))):
         i, j = (side[begin:end] for side in rows)
-        most = max(len(np.unique(i)), len(np.unique(j)))
-        if most > MAX_STATES:
+        states = max(len(np.unique(i)), len(np.unique(j)))
+        if states > MAX_STATES:
             raise InputError(
-                f"t {first.shown[step[begin]]}: {most} states with a partner within the "
+                f"t {first.shown[step[begin]]}: {states} states with a partner within the "
                 f"cutoff, at most {MAX_STATES} are possible; take a smaller cutoff"
             )
         own = near[begin:end]
@@ -266,7 +266,7 @@ def associate(
         first=first,
         second=second,
         pairs=pairs,
-        apart=_means_apart(first, second, pairs, measure),
+        mean_distances=_mean_distances(first, second, pairs, measure),
         chosen=chosen,
         cutoff=cutoff,
         distance=measure,
@@ -274,7 +274,7 @@ def associate(
 
 
 def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
-    """The distance of the states of both sides, which must fit each other."""
+    """Return the distance of the states of both sides, which must fit each other."""
     if isinstance(distance, str):
         distance = DISTANCES.chosen(distance)
     names = ("first", "second")
@@ -285,7 +285,7 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     return distance.fitted((first, second))
 
 
-def _means_apart(
+def _mean_distances(
     first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
 ) -> Floats:
     """Distances of the means, with the scales and periods of the distance."""
@@ -312,7 +312,7 @@ HISTORY = "history"
 
 
 def reduce_trajectories(
-    side: Trajectories, reduction: Reduction, effort: Resources | None = None
+    side: Trajectories, reduction: Reduction, resources: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
     """Reduce all clouds to fewer particles; with a row of changes for each cloud.
 
@@ -322,7 +322,7 @@ def reduce_trajectories(
         With clouds; without, every state is one particle, and nothing changes.
     reduction : Reduction
         How.
-    effort : Resources, optional
+    resources : Resources, optional
         Threads, and progress.
 
     Returns
@@ -335,12 +335,12 @@ def reduce_trajectories(
         history, as `Reduction.trace` has it. None where a cloud is too large for the exact
         distance, POT is missing, or there is no spread.
     """
-    effort = effort or Resources()
+    resources = resources or Resources()
     if side.clouds is None:
         return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step), [])
     histories: list[list[float]] = []
-    after = reduced(side.clouds, reduction, effort, histories)
-    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort), histories)
+    after = reduced(side.clouds, reduction, resources, histories)
+    return side.with_clouds(after), _table(side, _changes(side.clouds, after, resources), histories)
 
 
 def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[float]]) -> Columns:
@@ -349,8 +349,8 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
     return table | {HISTORY: histories or [[] for _ in changes]}
 
 
-def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChange]:
-    """A row for each cloud: in threads, as it takes longer than to reduce."""
+def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
+    """Return a row for each cloud: in threads, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
@@ -359,12 +359,12 @@ def _changes(before: Clouds, after: Clouds, effort: Resources) -> list[CloudChan
 
     is_changed = before.counts > after.counts
     if is_changed.any() and not is_exact:
-        effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
+        resources.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
     what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with those before"
     works = (is_changed * (before.counts * after.counts.astype(float)) ** 1.05).tolist()
-    changes = in_order(change, range(len(before)), effort.jobs or cores())
-    with effort.stopwatch.showing("comparing clouds with those before"):
-        return list(effort.stopwatch.paced(changes, works, what))
+    changes = in_order(change, range(len(before)), resources.jobs or cores())
+    with resources.stopwatch.showing("comparing clouds with those before"):
+        return list(resources.stopwatch.paced(changes, works, what))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:

@@ -133,17 +133,17 @@ class TrackPair:
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
-        """What looks wrong."""
+        """Warnings about the two sides."""
         return tuple(notice for notice in self.said if notice.code)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """How they were read, and what nobody chose."""
+        """Notices: how the sides were read, and the defaults in use."""
         return tuple(notice.sentence for notice in self.said if not notice.code)
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """What a result records of both files."""
+        """Records of both files in a result."""
         return [side.record for side in self.read]
 
 
@@ -269,9 +269,9 @@ def evaluate_pair(
     if request.with_:
         from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
 
-        effort = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        others = other_metrics(prepared, request.with_, effort, result.proof)
-        result = replace(result, with_=joined([others]), sums=others.sums())
+        resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
+        computed = other_metrics(prepared, request.with_, resources, result.proof)
+        result = replace(result, with_=joined([computed]), sums=computed.sums())
     if slices is not None:
         with stopwatch.span("slices"):
             split = slicings(slices, result)

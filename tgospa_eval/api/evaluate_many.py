@@ -87,7 +87,7 @@ class Evaluations:
         return run in self.runs
 
     def __getitem__(self, run: "int | str") -> Result:
-        """The result of a pair, by its place or its name: what `evaluate` returns, without warning.
+        """Return the result of a pair, by place or name: what `evaluate` returns, without warnings.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Evaluations:
         return result
 
     def table(self) -> "pd.DataFrame":
-        """A row for each pair: values, bounds, parts and counts as of `Batch.rows`.
+        """Return a row for each pair: values, bounds, parts and counts as of `Batch.rows`.
 
         ``warnings`` are the codes of what looks wrong.
         """
@@ -243,7 +243,7 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
 
 
 def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, list[Numbers]]]:
-    """What comes out of chunks, here at first, and in processes if that takes long."""
+    """Yield the numbers of chunks, made here at first, and in processes if that takes long."""
     begin = time.monotonic()
     for done, chunk in enumerate(chunks):
         left = len(chunks) - done
@@ -267,8 +267,8 @@ def _chunk(
             read.append((pair, sides, *align_sides(resolved, sides, called(pair))))
     small = [
         k
-        for k, (_, _, aligned, asked) in enumerate(read)
-        if can_be_joined(asked) and sum(len(one.step) for one in aligned.read) <= SMALL
+        for k, (_, _, aligned, request_of_pair) in enumerate(read)
+        if can_be_joined(request_of_pair) and sum(len(one.step) for one in aligned.read) <= SMALL
     ]
     costs: dict[int, Costs | None] = {}
     sound = np.zeros(len(read), bool)

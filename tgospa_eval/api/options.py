@@ -56,7 +56,7 @@ _beside = partial(_output, number=False, everywhere=False, stored=False)
 def _one_side(
     declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
 ) -> Any:
-    """An option of one side, as that of both, or of the estimate as that of the truth."""
+    """Return an option of one side, as that of both, or of the estimate as that of the truth."""
     side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
     text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
     return declare(declaration, text, **about)
@@ -64,7 +64,7 @@ def _one_side(
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
-    """What is asked of an evaluation; None where nothing was given.
+    """Request for an evaluation; None where nothing was given.
 
     The help of a field is that of its option. `pairwise` lets a distance take the covariances of
     each pair; `sides` are the two files as options name them; `summed` says that slices are added
@@ -591,7 +591,7 @@ class Request(Values):
 
     @property
     def given(self) -> dict[str, object]:
-        """Those that change the number or its bracket, and are no defaults."""
+        """Options that change the number or its bracket, and are no defaults."""
         return {
             name: getattr(self, name)
             for name, default in OF_THE_NUMBER.items()
@@ -600,12 +600,12 @@ class Request(Values):
 
 
 def is_coverage(region: str | None) -> bool:
-    """Whether a region is a circle or a file, and not ranges of columns."""
+    """Return whether a region is a circle or a file, and not ranges of columns."""
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 def names_file(name: str, value: object) -> bool:
-    """Whether a value of an option is the name of a file."""
+    """Return whether a value of an option is the name of a file."""
     if name == "inner_cov":
         return value not in ("global", "pair")
     if name == "region":
@@ -684,7 +684,7 @@ _batch = partial(setting, "Batch", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions(Values):
-    """What there is to do, and how to spread and tabulate it."""
+    """Jobs of a batch, and how to spread and tabulate them."""
 
     truth: str | None = _batch(
         "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"

@@ -99,7 +99,7 @@ class Recorder:
         where = f"update at t = {t}"
         self._check_time(t, where)
         size = self._size
-        found = []
+        sides = []
         given = (
             (truth_ids, truth, truth_covariances, truth_weights),
             (estimate_ids, estimate, estimate_covariances, estimate_weights),
@@ -118,13 +118,13 @@ class Recorder:
                         f"{where}, {name}: states of {array.shape[1]} components, those of "
                         f"{size[1]} have {size[0]}"
                     )
-            found.append((names, array, spread))
+            sides.append((names, array, spread))
         self._times.append(t)
         self._size = size
         self._kinds |= {
-            name: _kind(spread) for name, (ids, _, spread) in zip(ROLES, found, strict=True) if ids
+            name: _kind(spread) for name, (ids, _, spread) in zip(ROLES, sides, strict=True) if ids
         }
-        for frames, frame in zip(self._frames.values(), found, strict=True):
+        for frames, frame in zip(self._frames.values(), sides, strict=True):
             frames.append(frame)
 
     def _check_time(self, t: Any, where: str) -> None:
@@ -248,7 +248,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
 
 
 def _particles(states: Any, weights: Any, where: str) -> Clouds:
-    """The particles of each object, with weights of the sum 1."""
+    """Return the particles of each object, with weights of the sum 1."""
     clouds = []
     for k, each in enumerate(states):
         points = np.array(numbers_of(array_of(each, where), where))

@@ -125,7 +125,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
+        """Plot a lane for each truth with the estimates that follow it, and lanes of false tracks.
 
         A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
         as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
@@ -205,15 +205,15 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """The costliest steps, truths and estimates, and what they cost.
+        """Plot the costliest steps, truths and estimates, and their costs.
 
         Parameters, errors and return value are those of `plot_costs`; only `components` count.
         """
         return self._plot("worst", style=style, components=components, **place)
 
     @property
-    def drawn(self) -> "PlotData":
-        """What page and pictures draw: `show.plot_data.PlotData`."""
+    def plot_data(self) -> "PlotData":
+        """Data of page and pictures: `show.plot_data.PlotData`."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -247,7 +247,7 @@ class Showable(Evaluation, Reportable):
         return as_frame({key: [value] for key, value in row_of(self).items()})
 
     def rendered(self, format: str) -> str:
-        """The report as ``--format`` prints it."""
+        """Return the report as ``--format`` prints it."""
         from tgospa_eval.show.result_text import REPORTS  # lazy: slow to import
 
         return REPORTS[format](self)
@@ -258,7 +258,7 @@ class Showable(Evaluation, Reportable):
         return card(self)
 
     def to_html(self) -> str:
-        """The report as one page that loads nothing."""
+        """Return the report as one page that loads nothing."""
         from tgospa_eval.show.html import page  # lazy: jinja2 is slow to import
 
         return page(self)
@@ -348,7 +348,7 @@ class Result(Showable, PairEvaluation):
     proof: Proof
 
     def explain(self, top: int = 10) -> Explanation:
-        """Which single repairs of the estimate would save most, each with proven bounds.
+        """Return which single repairs of the estimate would save most, each with proven bounds.
 
         Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
         estimate is moved in time and space, one change at a time. What each saves is proven from
@@ -374,7 +374,7 @@ class Result(Showable, PairEvaluation):
         return explain(self, top)
 
     def gradient(self) -> "Gradient":
-        """How the cost changes with every state of the estimate, with cutoff and switch penalty.
+        """Return how the cost changes with each state of the estimate, cutoff and switch penalty.
 
         By the envelope theorem: the derivative of the cost at the reported assignment, which is
         held. Where the best assignment is unique it is that of the metric, else one of those in
@@ -409,7 +409,7 @@ class ByClass(Showable, EvaluationByClass):
 
 
 def result_of(evaluation: PairEvaluation) -> Result:
-    """The result that a user holds of an evaluation."""
+    """Return the result that a user holds of an evaluation."""
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 

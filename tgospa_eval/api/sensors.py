@@ -66,7 +66,7 @@ class Association(Pairing):
         return association_text(self, most=FIRST_ROWS, rest="associations").rstrip("\n")
 
     def table(self, name: str) -> Columns:
-        """A table as plain columns: ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
+        """Return plain columns of ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
 
         Raises
         ------
@@ -94,12 +94,12 @@ class Association(Pairing):
     )
 
     def frame(self, name: str) -> "pd.DataFrame":
-        """A table as a DataFrame."""
+        """Return a table as a DataFrame."""
         return as_frame(self.table(name))
 
     @property
-    def drawn(self) -> "PlotData":
-        """What page and picture draw: `show.plot_data.PlotData`."""
+    def plot_data(self) -> "PlotData":
+        """Data of page and picture: `show.plot_data.PlotData`."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -116,7 +116,7 @@ class Association(Pairing):
         return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
-        """A page that loads nothing; `names` are those of the sides."""
+        """Return a page that loads nothing; `names` are those of the sides."""
         from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
         return association_page(self, names)
@@ -146,34 +146,34 @@ def associate_sides(
     resolved: ResolvedRequest,
     sides: tuple[Reading, ...],
     names: tuple[str, ...],
-    effort: Resources,
+    resources: Resources,
     *,
     all_pairs: bool,
 ) -> Association:
-    """The association of sides that were read; `names` are for messages."""
+    """Associate sides that were read; `names` are for messages."""
     fitted, _ = align_sides(resolved, sides, names)
-    found = associate_states(
+    pairing = associate_states(
         fitted.alignment.truth,
         fitted.alignment.estimate,
         cutoff=resolved.evaluation.parameters.cutoff,
         distance=fitted.distance,
         all_pairs=all_pairs,
-        effort=effort,
+        resources=resources,
     )
-    return recast(found, Association)
+    return recast(pairing, Association)
 
 
 def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
-    """How to reduce, and how to read what is reduced."""
+    """Return how to reduce, and how to read what is reduced."""
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
     return how, resolve_request(replace(request, distance="cloud-wasserstein", **fixed))
 
 
 def reduce_side(
-    side: Reading, how: Reduction, name: str, effort: Resources
+    side: Reading, how: Reduction, name: str, resources: Resources
 ) -> tuple[Trajectories, Columns]:
-    """The clouds of a side with fewer particles, and a row of what changed for each.
+    """Return the clouds of a side with fewer particles, and a row of changes for each.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def reduce_side(
         raise InputError(
             f"{name}: no particles; a column weight makes the rows of an (id, t) a cloud"
         )
-    return reduce_trajectories(side.trajectories, how, effort)
+    return reduce_trajectories(side.trajectories, how, resources)
 
 
 def _read(
@@ -220,7 +220,7 @@ def associate(
     b_where: "str | Sequence[str]" = (),
     **options: "Unpack[AssociateOptions]",
 ) -> Association:
-    """Which states of two sensors belong together, step by step.
+    """Associate the states of two sensors, step by step.
 
     Every option of ``tgospa-eval associate`` is a keyword, by its name.
 
@@ -263,8 +263,8 @@ def associate(
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
     resolved, names = resolve_request(request), called((a, b), request.sides)
     sides = _read(resolved, (a, b), request.sides, mapping)
-    effort = Resources(jobs=request.jobs)
-    return associate_sides(resolved, sides, names, effort, all_pairs=all_pairs)
+    resources = Resources(jobs=request.jobs)
+    return associate_sides(resolved, sides, names, resources, all_pairs=all_pairs)
 
 
 @with_options(*(name for name in taken() if name not in (*OF_REDUCE, *REDUCTION_NAMES)))

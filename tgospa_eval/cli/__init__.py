@@ -157,7 +157,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _print_lacking(error: Exception) -> int:
-    """What the system does not give is no fault of ours, even if unforeseen; the status."""
+    """Report what the system does not give, which is no fault of ours; return the status."""
     if is_of_memory(error):
         print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
@@ -192,7 +192,7 @@ def _invoke(arguments: list[str] | None) -> int | None:
 
 
 def _print_internal(error: Exception) -> None:
-    """The traceback of a fault of ours, and a sentence."""
+    """Print the traceback of a fault of ours, and a sentence."""
     import traceback  # lazy: there should be none
 
     print_notices("".join(traceback.format_exception(error)).rstrip("\n"))

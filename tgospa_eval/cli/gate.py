@@ -101,7 +101,7 @@ def command(
     Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
     baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
-    asked = {
+    given = {
         **options,
         "evaluation": {name: options[name] for name in NAMES.values()},
         "sources": {
@@ -115,7 +115,7 @@ def command(
     if ctx.meta.get(IGNORED) and not output.quiet:
         names = ", ".join(ctx.meta[IGNORED])
         print_notice(f"{names}: ignored, {options['against']} judges")
-    ctx.exit(_run(GateOptions.of(asked), truth, estimate, output))
+    ctx.exit(_run(GateOptions.of(given), truth, estimate, output))
 
 
 def _run(
@@ -189,7 +189,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """The report for stdout; a table in the columns that there are."""
+    """Return the report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.rendering import WIDTH
 

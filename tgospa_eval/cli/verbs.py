@@ -99,13 +99,13 @@ class Verbs(click.Group):
         return super().parse_args(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """What the first word may be: a verb, a file or an option of evaluate."""
+        """Complete the first word: a verb, a file or an option of evaluate."""
         from click.shell_completion import CompletionItem  # lazy: few runs are completions
 
         if incomplete.startswith("-"):
             evaluate = self.get_command(ctx, "evaluate")
-            found = super().shell_complete(ctx, incomplete)
-            return [*found, *(evaluate.shell_complete(ctx, incomplete) if evaluate else ())]
+            completions = super().shell_complete(ctx, incomplete)
+            return [*completions, *(evaluate.shell_complete(ctx, incomplete) if evaluate else ())]
         verbs = [
             CompletionItem(name, help=about)
             for name, (_, about) in VERBS.items()
@@ -176,7 +176,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     from difflib import get_close_matches  # lazy: most command lines are right
 
     plain = word.lower()
-    verbs = [verb for verb, others in VERB_WORDS.items() if plain in others.split()]
+    verbs = [verb for verb, words in VERB_WORDS.items() if plain in words.split()]
     for verb in (verbs or get_close_matches(plain, VERB_WORDS, 1, 0.8))[:1]:
         raise click.UsageError(f"{word}: neither a verb nor a file; did you mean {verb}?", ctx)
 

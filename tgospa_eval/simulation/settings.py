@@ -175,11 +175,11 @@ def _named(states: Floats, first: int) -> Trajectories:
 # -------------------------------------------------------------------------------------------------
 # ``simulate`` of Python: the scene that the command makes of the same settings.
 
-USUAL_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
+DEFAULT_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
 """Errors of a tracker that nobody chose; noise and near depend on the area."""
 
 
-def usual_tracker(area: float, errors: dict[str, Any]) -> Tracker:
+def default_tracker(area: float, errors: dict[str, Any]) -> Tracker:
     """A tracker with these errors, the others as usual in a square of this side.
 
     Raises
@@ -191,7 +191,7 @@ def usual_tracker(area: float, errors: dict[str, Any]) -> Tracker:
     for name in errors:
         if name not in names:
             raise ConfigError(f"no error of a tracker {name!r}; there are {', '.join(names)}")
-    return Tracker(**{"noise": area / 200, "near": area / 20} | USUAL_ERRORS | errors)
+    return Tracker(**{"noise": area / 200, "near": area / 20} | DEFAULT_ERRORS | errors)
 
 
 def simulate(
@@ -233,4 +233,4 @@ def simulate(
     scene = Scene(
         scenario=scenario, targets=targets, steps=steps, area=area, state=state, particles=particles
     )
-    return simulate_scene(scene, usual_tracker(scene.area, errors), np.random.default_rng(seed))
+    return simulate_scene(scene, default_tracker(scene.area, errors), np.random.default_rng(seed))

@@ -102,13 +102,13 @@ def command(
     if why is not None:
         from tgospa_eval.cli.evaluate.partitioned import evaluate_parts
 
-        others = {
+        more_options = {
             "proof": output.proof and FITTING,
             "geojson": output.geojson and FITTING,
             "plane": output.plane and "leave it out: there is no picture of trajectories",
             "sweep": sweep and "evaluate for one value after the other",
         }
-        check_parts(chosen, why, ((name, text) for name, text in others.items() if text))
+        check_parts(chosen, why, ((name, text) for name, text in more_options.items() if text))
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     if chosen.scheduler is not None:
@@ -130,7 +130,7 @@ def command(
 def _check(
     chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
 ) -> None:
-    """Whether options go together.
+    """Check that options go together.
 
     Raises
     ------

@@ -87,7 +87,7 @@ def evaluate_parts(
 
 
 def _interrupted(progress: Progress, output: OutputOptions) -> str:
-    """What is known, and how to go on."""
+    """Say what is known, and how to go on."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
         return f"{proven}with -o DIR what is done is kept, and the same command goes on"
@@ -101,7 +101,7 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
 
 @contextmanager
 def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
-    """The folder of work: in that of -o, where it is found again; else one that goes at the end.
+    """Yield the folder of work: in that of -o, where it is found again; else a temporary one.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _remove(work: Path) -> None:
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
-    """Whether the work that is there is of this evaluation; it is thrown away where data changed.
+    """Return whether work is of this evaluation; it is thrown away where data changed.
 
     Raises
     ------
@@ -202,8 +202,12 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         return True
     if differing == ["data"] or output.force:
         if not output.quiet:
-            alone = differing == ["data"]
-            what = "files that were changed or replaced since" if alone else "other data or options"
+            only_data = differing == ["data"]
+            what = (
+                "files that were changed or replaced since"
+                if only_data
+                else "other data or options"
+            )
             print_notice(f"{log.parent} is of {what}: it is begun anew")
         return False
     texts = (
@@ -219,11 +223,11 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
 
 
 def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
-    """What must be the same for the same work; as JSON gives it back."""
+    """Return what must be the same for the same work; as JSON gives it back."""
     sha = hashlib.sha256()
     for path in paths:
-        for file, found in stored(path):
-            sha.update(repr((file.path, *state_of(found))).encode("utf-8", "replace"))
+        for file, status in stored(path):
+            sha.update(repr((file.path, *state_of(status))).encode("utf-8", "replace"))
     known: dict[str, object] = json.loads(json.dumps(options.given))
     return known | {
         "truth": paths[0],

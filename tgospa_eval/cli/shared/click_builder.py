@@ -27,7 +27,7 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """The bytes."""
+        """Return the bytes."""
         try:
             return parsed_size(value)
         except ConfigError as error:
@@ -35,20 +35,20 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 def one_of(members: Collection[str]) -> Any:
-    """The type of an option that takes a member, also of those that other packages add."""
+    """Return the type of an option that takes a member, also of those that other packages add."""
     kind: Any = click.Choice(())
     kind.choices = members  # click makes a tuple of them
     return kind
 
 
 def options_of(record: type[Values]) -> dict[str, Option]:
-    """The options of the fields of a record, by their names in a settings file."""
+    """Return the options of the fields of a record, by their names in a settings file."""
     known = ((field, field.metadata["setting"]) for field in fields(record) if field.metadata)
     return {about.key: _made(field, about) for field, about in known}
 
 
 def _made(field: Field[Any], about: OptionSpec) -> Option:
-    """The option of a field."""
+    """Return the option of a field."""
     kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
@@ -74,7 +74,7 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
 
 
 def side_option(name: str, side: str) -> Option:
-    """An option of truth or estimate, of a side that is called otherwise: ``--a-format``."""
+    """Return an option of truth or estimate for a side of another name: ``--a-format``."""
     field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
     about: OptionSpec = field.metadata["setting"]
     declaration, text = about.declaration.replace(role, side), about.help
@@ -197,7 +197,7 @@ OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
-    """Of everything that prints and writes; what a verb has no option for keeps its default."""
+    """Options of everything that prints and writes; one that a verb lacks keeps its default."""
 
     format_: str = "table"
     output: str | None = None
@@ -229,7 +229,7 @@ READING = (
 
 
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
-    """Some of the options of everything that evaluates, and more."""
+    """Return some of the options of everything that evaluates, and more."""
     return (*(item for item in EVALUATION if item.key in keys), *more, CONFIG_FILE, QUIET)
 
 

@@ -30,7 +30,7 @@ class SourceFile(click.Path):
     """A file that is read, or - for the standard input, which can be one of them."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path, or the name of the standard input."""
+        """Return the path, or the name of the standard input."""
         if value != "-":
             return super().convert(value, param, ctx)
         if ctx is not None:
@@ -118,7 +118,7 @@ class Option(click.Option):
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:
-        """The value of its variable; none where a target judges."""
+        """Return the value of its variable; none where a target judges."""
         value = super().resolve_envvar_value(ctx)
         if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
             return value
@@ -126,7 +126,7 @@ class Option(click.Option):
         return None
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """The value; a number is a plain one, where click takes any that Python has."""
+        """Return the value; a number is a plain one, where click takes any that Python has."""
         if (typed := f"--{self.key} {value}") in REMOVED:
             raise click.UsageError(removed(typed), ctx)
         for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
@@ -155,9 +155,9 @@ class Option(click.Option):
         names: Any = getattr(self.type, "choices", ())
         if isinstance(names, Registry) and self.help is not None:
             listed_names = re.findall(r"[\w-]+", self.help)
-            others = [name for name in names if name not in listed_names]
-            if 0 < len(others) < len(names):
-                self.help += f" Also {', '.join(others)}."
+            unlisted = [name for name in names if name not in listed_names]
+            if 0 < len(unlisted) < len(names):
+                self.help += f" Also {', '.join(unlisted)}."
         record = super().get_help_record(ctx)
         if record is None or not isinstance(self.show_default, str):
             return record
@@ -190,7 +190,7 @@ def option(
 def load_config(
     ctx: click.Context, parameter: click.Parameter, path: str | None
 ) -> config.SettingsFile | None:
-    """Callback of --config: settings of the options that the verb has.
+    """Load settings of the options that the verb has: callback of --config.
 
     A file may hold those of other verbs as well.
     """
@@ -261,18 +261,18 @@ def tell_variables(command: click.Command) -> None:
 
 
 def _variables(command: click.Command) -> list[str]:
-    """The variables that its options read."""
+    """Return the variables that its options read."""
     several = [item.envvar or () for item in command.params]
     return [name for one in several for name in ([one] if isinstance(one, str) else one)]
 
 
 def removed(option: str) -> str:
-    """The message about an option that is gone."""
+    """Return the message about an option that is gone."""
     return f"{option} is gone: {REMOVED[option]}"
 
 
 def dashed(name: str) -> str:
-    """The long option of a parameter."""
+    """Return the long option of a parameter."""
     return f"--{name.removesuffix('_').replace('_', '-')}"
 
 
@@ -335,7 +335,7 @@ SIMILAR = 0.75
 
 
 def _print_short(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:  # noqa: ARG001
-    """Callback of -h."""
+    """Print the short help: callback of -h."""
     if given and not ctx.resilient_parsing and isinstance(ctx.command, Verb):
         from tgospa_eval.cli.shared.short_help import short_help  # lazy: most runs ask for none
 
@@ -363,7 +363,7 @@ class Verb(click.Command):
         return [*super().get_params(ctx), SHORT_HELP]
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """The options of the long help."""
+        """Return the options of the long help."""
         return ["--help", "--help-all"]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -394,13 +394,13 @@ class Verb(click.Command):
                     f"{', '.join(self.sections(ctx)).lower()}",
                     ctx,
                 )
-        found: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
+        sections: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
         for item in self.get_params(ctx):
             record = item.get_help_record(ctx) if isinstance(item, click.Option) else None
             if record is not None:
-                found[getattr(item, "section", SECTIONS[-1])].append(record)
+                sections[getattr(item, "section", SECTIONS[-1])].append(record)
         measures = any(item.name == "distance" for item in self.params)
-        for name, records in found.items():
+        for name, records in sections.items():
             if records and (wanted is None or name in near):
                 about = f", with --distance {NEEDED[name]}" if measures and name in NEEDED else ""
                 with formatter.section(name + about):
@@ -434,7 +434,7 @@ class Verb(click.Command):
         return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
-        """Whether a long option has one dash: of -output click makes -o with the value utput."""
+        """Check that no long option has one dash: click reads -output as -o with value utput."""
         known = long_options(self)
         for text in args[: args.index("--")] if "--" in args else args:
             name = f"-{text.partition('=')[0]}"
@@ -447,18 +447,18 @@ class Verb(click.Command):
     def _no_option(self, text: str) -> str:
         if text in REMOVED:
             return removed(text)
-        others = [verb for verb in VERBS if text in long_options(load(verb))]
-        if others:
-            return f"{text} is no option of {self.name}, but of {', '.join(others)}"
-        meant = self._by_another_name(text) or nearest(text, long_options(self))
-        return f"no such option: {clipped(text)}" + (f"; did you mean {meant}?" if meant else "")
+        verbs = [verb for verb in VERBS if text in long_options(load(verb))]
+        if verbs:
+            return f"{text} is no option of {self.name}, but of {', '.join(verbs)}"
+        suggestion = self._by_another_name(text) or nearest(text, long_options(self))
+        return f"no such option: {clipped(text)}" + (
+            f"; did you mean {suggestion}?" if suggestion else ""
+        )
 
     def _by_another_name(self, text: str) -> str | None:
-        """The option, with its value, that is called otherwise in other programs."""
+        """Return the option, with its value, that has this name in other programs."""
         bare = text.lstrip("-")
-        typed = next(
-            (typed for typed, others in OPTION_WORDS.items() if bare in others.split()), ""
-        )
+        typed = next((typed for typed, words in OPTION_WORDS.items() if bare in words.split()), "")
         name, _, value = typed.partition(" ")
         for item in self.params:
             if isinstance(item, click.Option) and name in item.opts:
@@ -479,7 +479,7 @@ class Verb(click.Command):
 
 
 def long_options(command: click.Command) -> list[str]:
-    """The options that a verb shows, by their long names, with dashes."""
+    """Return the options that a verb shows, by their long names, with dashes."""
     return [
         name
         for item in command.params
@@ -497,12 +497,12 @@ def words(line: Iterable[str]) -> str:
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
-    """The option that was meant: the only one that begins so, else the most similar one."""
+    """Suggest an option: the only one that begins so, else the most similar one."""
     from difflib import get_close_matches  # lazy: most command lines are right
 
     bare = text.lstrip("-")
     known = [name.lstrip("-") for name in options]
     begin = [name for name in known if len(bare) > 1 and name.startswith(bare)]
     alike = [name for name in known if name[:1] == bare[:1]]
-    found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
-    return f"--{found[0]}" if found else None
+    matches = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
+    return f"--{matches[0]}" if matches else None

@@ -112,16 +112,16 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
     ended = threading.Event()
     with Display(stopwatch) as display:
 
-        def look() -> None:
+        def poll() -> None:
             while not ended.wait(0.2):
                 display.update()
 
-        looking = BackgroundTask(look)
+        polling = BackgroundTask(poll)
         try:
             yield
         finally:
             ended.set()
-            looking.wait(1.0)
+            polling.wait(1.0)
 
 
 class Display:
@@ -169,7 +169,7 @@ class Display:
 
 
 def line(stopwatch: Stopwatch, seconds: float) -> str:
-    """What is known: the part of the work, the proven bracket, the share done, the time taken."""
+    """Describe the progress: the part of the work, the proven bracket, the share, the time."""
     progress = stopwatch.progress
     stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
@@ -183,13 +183,13 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
 
 
 def _is_near(progress: Progress) -> bool:
-    """Whether the bounds of all of it may be near enough for the user."""
+    """Return whether the bounds may be near enough for the user."""
     lower, upper = progress.bracket or (0.0, math.inf)
     return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
 
 
 def bracket(lower: float, upper: float) -> str:
-    """The bounds in as many digits as distinguish them, rounded outward."""
+    """Return the bounds in as many digits as distinguish them, rounded outward."""
     digits = LEAST_DIGITS
     if 0 < lower < upper < math.inf:
         digits = min(
