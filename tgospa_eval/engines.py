@@ -85,7 +85,7 @@ class Engine(Protocol):
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""How jobs are tried: how many in a chunk; chunks that are with each worker, which are all tried
+"""Attempts at jobs: how many in a chunk; chunks that are with each worker, which are all tried
 again if one of them dies; whether nothing else is worked on meanwhile. What was with a dying worker
 is tried again with fewer beside it: one job is to blame."""
 
@@ -177,7 +177,7 @@ PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""What linear algebra is told before it is loaded."""
+"""Settings of linear algebra before it is loaded."""
 
 
 class Processes:
@@ -198,7 +198,7 @@ class Processes:
         """Yield processes that end at once when the work is broken off."""
         from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
-        # Of a pool that is broken off the process that looks after its locks would complain.
+        # The process that keeps the locks of a pool would complain when the pool is broken off.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         _begin_trackers()
         number = max(1, min(self.number or cores(), max_workers))
@@ -299,7 +299,7 @@ def limit_memory(share: int | None) -> None:
         # Memory that can be written; address space would count what is only reserved.
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if hard == resource.RLIM_INFINITY or share < hard:
-            with suppress(ValueError, OSError):  # others may have set less meanwhile
+            with suppress(ValueError, OSError):  # others may have set a lower limit meanwhile
                 resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
 
 
@@ -465,7 +465,7 @@ class Remote:
         """Have a function called; the scheduler sees bytes alone."""
         with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
-            # Not pure: the same job twice is meant.
+            # Not pure: a job may be submitted twice.
             future: Future = self.client.submit(call_checked, content, __version__, pure=False)
             return future
 
@@ -489,7 +489,7 @@ class Remote:
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None
-        except RuntimeError as error:  # on the scheduler, which looks at what it passes on
+        except RuntimeError as error:  # the scheduler may fail on what it passes on
             if isinstance(error.__cause__, ImportError):
                 raise self._lacking(error.__cause__) from None
             raise
@@ -601,7 +601,7 @@ def _answer(process: Any, message: object) -> Any:
         pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
         process.stdin.flush()
         return pickle.load(process.stdout)
-    except BaseException as error:  # Ctrl-C too: what would come later answers nobody
+    except BaseException as error:  # also on Ctrl-C: nobody waits for later answers
         _started.cache_clear()
         process.kill()
         process.communicate()
@@ -613,7 +613,7 @@ def _answer(process: Any, message: object) -> Any:
 def serve() -> None:
     """Answer calls until whoever makes them is gone."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # for whatever a library prints
+    os.dup2(2, 1)  # text that a library prints goes to stderr
     result: tuple[bool, object] = True, None
     while True:
         pickle.dump(result, answers, pickle.HIGHEST_PROTOCOL)

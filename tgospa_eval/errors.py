@@ -14,7 +14,7 @@ from operator import index
 from tgospa_eval.text import visible
 
 LARGEST_COUNT = 2**31 - 2
-"""Of anything that is numbered with 32 bits, ends of ranges included."""
+"""Limit of anything that is numbered with 32 bits, ends of ranges included."""
 
 
 class ExitStatus(IntEnum):

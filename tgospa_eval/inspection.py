@@ -130,7 +130,7 @@ def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in the order of the steps, and the last one stays
+    last[side.track] = side.step  # rows are in the order of the steps, so the last one is kept
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
@@ -255,7 +255,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 # The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
-"""From where to where, as min and max; with a median too."""
+"""Extent as min and max; with a median too."""
 
 Row = tuple[str, list[str]]
 
@@ -264,7 +264,7 @@ NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
-"""Least width of the columns of the files; two of them and a gap of 2 fit in a line."""
+"""Width of the columns of the files, at least; two of them and a gap of 2 fit in a line."""
 
 
 def table(document: Json) -> str:
@@ -303,7 +303,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # where the JSON's word for it is not enough
+    reasons = {  # reasons that need more words than the JSON has
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",

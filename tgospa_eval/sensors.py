@@ -125,7 +125,7 @@ class Pairing:
         given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
         if not distance.on_earth and "scale" not in distance.options:
             return None
-        if isinstance(given, str):  # of each pair
+        if isinstance(given, str):  # the covariance differs for each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
             for spread_of_side, one in ((own, side), (other, self.second)):
                 spread_of_side[:-1] = 0.0 if one.second_moments is None else one.second_moments

@@ -23,7 +23,7 @@ LISTED = 12
 """Names of a list that a message shows."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
-"""Where a workflow command begins: after blanks alone on GitHub (::error), anywhere on Azure,
+"""Begin of a workflow command: after blanks alone on GitHub (::error), anywhere on Azure,
 TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message])."""
 
 
@@ -96,7 +96,7 @@ OF_READER = {
     "truth_format": "format",
     "estimate_format": "format",
 }
-"""What `read_trajectories` calls keywords."""
+"""Keywords of `read_trajectories` that have other names."""
 
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"

@@ -18,7 +18,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.api import batch_row
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
+from tgospa_eval.api.options import FLAGS, OF_EVALUATE, OPTION_SPECS, BatchOptions, Request, typed
 from tgospa_eval.api.report import StudyReport, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from tgospa_eval.show.charts import Pictures
 
 IN_MEMORY = "in memory"
-"""What a store keeps in place of a path."""
+"""Text that a store keeps in place of a path."""
 
 REPORT_FOLDER = "reports"
 
@@ -86,7 +86,7 @@ MAX_PENDING_STEPS = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
-OF_ONE = ("by", "jobs", *ALONE)
+OF_ONE = ("by", "jobs", *OF_EVALUATE)
 """Options of an evaluation that are not for many, or that `batch` has in another form."""
 
 Notify = Callable[[str], object]
@@ -275,7 +275,7 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    given = dict(locals())  # options of batch by their names
+    given = dict(locals())  # before any other local variable: the options of batch by their names
     from_options = {
         OPTION_SPECS[name].key: value for name, value in options.items() if value is not None
     }
@@ -321,7 +321,7 @@ def batch(
     if done.page and output is not None:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
-        except ConfigError as error:  # the rows are stored in any case
+        except ConfigError as error:  # the rows are stored already
             messages.append(f"the page is not written: {error}")
     messages += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=text) for text in messages])
@@ -329,7 +329,7 @@ def batch(
 
 
 # -------------------------------------------------------------------------------------------------
-# What there is to do: jobs from the options of a batch, less those that are done.
+# Jobs from the options of a batch, without those that are done.
 
 
 def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
@@ -644,7 +644,7 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
                     f"{(len(tasks) - done) / rate:.0f} s left"
                 )
     finally:
-        rows.close()  # nothing is worked on when nobody takes its answer
+        rows.close()  # ends the work, as nobody takes its answers
         store.add(pending)
     return faults
 
@@ -697,7 +697,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
         curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
-    # Without --by nobody asked what there is to compare.
+    # Without --by there is nothing to compare.
     settings = store.settings()
     used = settings.get("settings_file")
     notes = (

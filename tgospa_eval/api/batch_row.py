@@ -37,7 +37,7 @@ NOT_WRITTEN = "not_written"
 """Column of rows whose folder could not be written: why. The next run tries it again."""
 
 UNSEEN = "unseen"
-"""Where a row names the file that its worker did not see, on its way to who looks for it too."""
+"""Field of a row with the file that its worker did not see, for the process that reports it."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
 """Options that may name a file; their order is that of the digest of a job."""
@@ -120,7 +120,7 @@ def key_of(
     for path in files:
         file = file_of(path)
         sha.update((digest or digest_of)(file))
-        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # its variable
+        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # the variable in the file
     return sha.hexdigest()
 
 
@@ -194,7 +194,7 @@ def evaluate_job(
         }
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args), "error": error}
-    except Exception as error:  # of ours: the other jobs of a batch go on
+    except Exception as error:  # a fault of ours must not stop the other jobs
         if task.for_gate:
             raise
         row = {"status": "failed", "message": fault_of(error)}

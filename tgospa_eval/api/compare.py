@@ -10,7 +10,7 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.options import OF_EVALUATE, Request
 from tgospa_eval.api.reading import called
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 
 Values: TypeAlias = float | Sequence[float] | Floats
 
-ONE_EVALUATION = ("by", "preprocess", *ALONE)
+ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 """Options that are not for a sweep."""
 
 
@@ -171,7 +171,7 @@ def sweep(
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
-"""What the table of the command says of another command."""
+"""Hint of the command's table to another command."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 """Estimates or their runs by name, paths, or the runs of one."""
@@ -355,7 +355,7 @@ def _named(estimates: object) -> "Mapping[str, Any]":
 
 
 # -------------------------------------------------------------------------------------------------
-# PairReader of sides made problems, and what comes of them.
+# Reading of sides, and rankings of their evaluations.
 
 
 class PairReader:
@@ -523,7 +523,7 @@ def solvers_on(
 # Saved results in their order; nothing is solved.
 
 HEAD = ("files", "input", "parameters", "warnings", "with")
-"""What is kept of a document beside the costs."""
+"""Fields of a document that are kept beside the costs."""
 
 
 def are_saved(paths: Sequence[str]) -> bool:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
-"""What to do with a notice, or a warning."""
+"""Receiver of notices and warnings."""
 
 
 @with_options()
@@ -281,7 +281,7 @@ def evaluate_pair(
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
     """One evaluation for each class, and their sum."""
-    # What the distance takes from the data, it takes from all.
+    # A distance with settings of the data takes them from all classes.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()

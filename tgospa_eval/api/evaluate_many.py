@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.api.batch_row import PATIENCE
 from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.options import OF_EVALUATE, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
@@ -121,7 +121,7 @@ class Evaluations:
     __repr__ = __str__
 
 
-@with_options("by", "jobs", *ALONE)
+@with_options("by", "jobs", *OF_EVALUATE)
 def evaluate_many(
     truth: "Runs | Sequence[tuple[Any, Any]] | Mapping[str, tuple[Any, Any]]",
     estimate: "Runs | None" = None,
@@ -276,7 +276,7 @@ def _chunk(
         first = read[small[0]]
         alike = [k for k in small if is_like(read[k][2], first[2])] or small[:1]
         small = [k for k in small if k not in alike]
-        with suppress(ConfigError):  # what is wrong with one is said of that one below
+        with suppress(ConfigError):  # errors of a single pair are reported below
             joined = JoinedPairs([read[k][2] for k in alike], first[3])
             sound[alike] = joined.sound()
             costs |= dict(zip(alike, joined.costs(), strict=True))

@@ -176,20 +176,20 @@ def _with_first_changes(
         if one.verdict is Verdict.INCOMPARABLE and one.name in there and not one.group
         if there[one.name].fault_is == one.verdict or CHANGED in " ".join(one.notes)
     ]
-    for place in changed[:MOST_CHANGES]:
+    for place in changed[:MAX_CHANGES]:
         one, pair = outcomes[place], there[outcomes[place].name]
         before = target or last_change(path)
         content = None if before is None else before.read(pair.truth)
         if before is None or content is None:
             continue
-        with suppress(TgospaError):  # what cannot be read has been said, or is not there to compare
+        with suppress(TgospaError):  # files that cannot be read are reported elsewhere
             text = _first_change(resolve(gate, pair, old.get(pair.name), path), pair, content)
             note = f"{text} (was -> is; since {before.where})"
             outcomes[place] = replace(one, notes=(*one.notes, note))
     return replace(report, outcomes=tuple(outcomes))
 
 
-MOST_CHANGES = 10
+MAX_CHANGES = 10
 """Truths that changed of which the first state is looked for."""
 
 
@@ -523,7 +523,7 @@ class GateResult:
 
     def __bool__(self) -> bool:
         if not self.passed and "PYTEST_CURRENT_TEST" in os.environ:
-            sys.stdout.write(f"{self}\n")  # of which `assert` shows one line
+            sys.stdout.write(f"{self}\n")  # `assert` shows one line of it only
         return self.passed
 
     def __str__(self) -> str:
@@ -611,7 +611,7 @@ def gate(
     TypeError
         Neither two sides and a baseline nor a suite are given, or limits are no mapping.
     """
-    given = dict(locals())  # options of gate by their names
+    given = dict(locals())  # before any other local variable: the options of gate by their names
     if not isinstance(limits, Mapping | None):
         raise TypeError(f"limits is {limits!r}: must be a mapping from path to limit")
     named = {name: given[name] for name in ("suite", "baseline", "newer_than")}
@@ -646,14 +646,14 @@ def _gate_of_pair(
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
-    judge.rules_of(judge_by, pair)  # wrong ones before any work
+    judge.rules_of(judge_by, pair)  # wrong rules are errors before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **chosen)
     plain = {key: chosen.get(name) for key, name in INHERITED.items()}
     row = row_to_judge(result)
-    measured(row)  # raises at once what a report would say
+    measured(row)  # raises the error of a result that cannot be judged
     recorded = {
         **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
         **_chosen_by_data(row),

@@ -70,7 +70,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
         described: Any = called
         described.__signature__ = signature.replace(parameters=[*own, *more])
-        if called.__doc__ is not None:  # python -OO
+        if called.__doc__ is not None:  # with python -OO there are no docstrings
             called.__doc__ = _documented(called.__doc__, [p.name for p in more])
         return called
 
@@ -157,7 +157,8 @@ def _value(name: str, value: object) -> Any:
     if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
         return _names(name, value)
     if isinstance(value, str):
-        known = about.choices if name not in ("distance", "solver") else ()  # which say it
+        # The texts of these two have their choices.
+        known = about.choices if name not in ("distance", "solver") else ()
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")
         if str in kinds:

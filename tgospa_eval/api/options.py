@@ -37,7 +37,7 @@ RANDOM = (*ITERATED, "systematic", "stratified", "multinomial")
 REDUCTIONS = (*RANDOM, "top")
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
-ROWS_ALONE = "write files of the rows that are to be evaluated"
+FILTER_FIRST = "write files of the rows that are to be evaluated"
 RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
@@ -340,16 +340,16 @@ class Request(Values):
         ">= 0.5 and type != van'. ==, !=, <, <=, >, >=; names and texts with blanks in quotes. A "
         "blank passes no comparison with a number. Repeatable.",
         default=(),
-        parts=ROWS_ALONE,
+        parts=FILTER_FIRST,
     )
     truth_where: tuple[str, ...] = _filters(
         "--truth-where TEST",
         "--where for TRUTH alone, also for columns that only it has.",
         default=(),
-        parts=ROWS_ALONE,
+        parts=FILTER_FIRST,
     )
     estimate_where: tuple[str, ...] = _one_side(
-        _filters, "--estimate-where TEST", default=(), parts=ROWS_ALONE
+        _filters, "--estimate-where TEST", default=(), parts=FILTER_FIRST
     )
     by: str | None = _track_filters(
         "--by class",
@@ -614,20 +614,20 @@ def names_file(name: str, value: object) -> bool:
 
 
 OPTION_SPECS = Request.settings()
-"""Of the fields that have an option."""
+"""Specifications of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Of those that all verbs have, by their names in a settings file."""
+"""Names of the options that all verbs have, by their names in a settings file."""
 
-ALONE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Of those that `evaluate` alone has."""
+OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
+"""Names of the options that `evaluate` alone has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
 
 FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
-"""Whether a setting that all verbs have is a flag."""
+"""Settings that all verbs have: whether each is a flag."""
 
 PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
     int: (parsed_whole, "whole number; write it as 10"),

@@ -45,7 +45,7 @@ SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""What to say of a folder or a pattern; the folder, and the files below it for which it stands."""
+"""Message about a folder or a pattern; the folder, and the files below it that it stands for."""
 
 
 def check_places(paths: Sequence[str]) -> None:
@@ -128,7 +128,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     truth, estimate = (by_shape[shape] for by_shape, shape in zip(shapes, best, strict=True))
     names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
     if not names:
-        # One each: no names are needed to see what belongs together.
+        # Of one file each it is clear what belongs together.
         files = [{path for group in one.values() for path in group.values()} for one in shapes]
         if all(len(some) == 1 for some in files) and files[0] != files[1]:
             yield _type(*(some.pop() for some in files))
@@ -297,7 +297,7 @@ def _read(
         raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
     if known is not None and objects.is_path(given[0]) and made[0]:
         known.clear()
-        known[names[0]] = made[0]  # not as one estimate alone needs it
+        known[names[0]] = made[0]  # read for all estimates, not as a single one needs it
     made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None

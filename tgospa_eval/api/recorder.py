@@ -95,7 +95,7 @@ class Recorder:
             are points, Gaussians or particles where others of the side are not. Nothing is kept
             then.
         """
-        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # of a tensor
+        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # a tensor
         where = f"update at t = {t}"
         self._check_time(t, where)
         size = self._size

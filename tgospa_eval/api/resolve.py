@@ -156,7 +156,7 @@ def resolve_request(options: Request) -> ResolvedRequest:
         return _resolved(options)
     try:
         hash(options)
-    except TypeError:  # arrays of Python
+    except TypeError:  # arrays cannot be hashed
         return _resolved(options)
     return _kept(options, surface.get())
 

@@ -33,7 +33,7 @@ PUBLIC = (
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
     *("plot_windows", "plot_worst"),
 )
-"""What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
+"""Names that ``dir`` lists: those of the JSON, the tables, and what can be made of them."""
 
 
 class Showable(Evaluation, Reportable):

@@ -63,7 +63,7 @@ class Association(Pairing):
     def __str__(self) -> str:
         from tgospa_eval.show.result_text import association_text  # lazy: slow to import
 
-        return association_text(self, most=FIRST_ROWS, rest="associations").rstrip("\n")
+        return association_text(self, limit=FIRST_ROWS, rest="associations").rstrip("\n")
 
     def table(self, name: str) -> Columns:
         """Return plain columns of ``"associations"``, ``"costs"`` or ``"cross_covariances"``.

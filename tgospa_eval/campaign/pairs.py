@@ -33,7 +33,7 @@ LAYOUTS = {
 
 SEQINFO, SEQMAP = "seqinfo.ini", "evaluate_tracking.seqmap"
 DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in {SEQMAP}.training"}
-"""What declares the length of a sequence, in a benchmark."""
+"""File that declares the length of a sequence, by benchmark."""
 
 PATHS = ("truth", "estimate")
 """Columns of a manifest that are no label."""
@@ -126,7 +126,7 @@ class BatchPlan:
 
 
 Values = dict[str, str]
-"""What the fields of a pattern stand for."""
+"""Texts of the fields of a pattern."""
 
 
 def match(
@@ -518,7 +518,7 @@ Runs = list[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
 
 AS_FIELD = "{run}"
-"""What * is as a field."""
+"""Field that a * is read as."""
 
 
 def is_pattern(path: str) -> bool:
@@ -679,7 +679,7 @@ def short_names(paths: Sequence[str]) -> list[str]:
     parts = [Path(path).with_suffix("").parts for path in paths]
     if len(paths) == 1:
         return [parts[0][-1]]
-    for _ in range(2):  # what all have in common is left out at the beginning, then at the end
+    for _ in range(2):  # a common beginning is left out, then a common end
         levels = enumerate(zip(*parts, strict=False))
         same = next((k for k, names in levels if len(set(names)) > 1), min(map(len, parts)))
         parts = [part[same:][::-1] for part in parts]

@@ -77,7 +77,7 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
-    switch = 2 * scale * parameters.switch_price  # gamma^p, where that is a double
+    switch = 2 * scale * parameters.switch_price  # gamma^p, unless it overflows
     entries, localisation, missed, false = per_step_gospa(problem)
     gospa = scale * (localisation + missed + false)
     track = partners(problem, entries)
@@ -177,7 +177,7 @@ def _count(number: float, word: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a ranking needs of the evaluation of one estimate in one run.
+# Numbers of one estimate in one run, for a ranking.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -275,7 +275,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
-        # The bounds of the total, from those of the value, rounded outward once more.
+        # The bounds of the total follow from those of the value, rounded outward once more.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
             outward(document["upper_bound"] ** order, 1),
@@ -302,8 +302,8 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 
 
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
-"""Of one run the times of the T steps that any of the N evaluations has; costs (N, T) by part, in
-``total``, and by rule, 0 at steps that one has not, for nothing is there; which steps each has."""
+"""Costs of one run: times of the T steps that any of N evaluations has; costs (N, T) by part, in
+``total``, and by rule, 0 at steps that one lacks; a mask (N, T) of the steps that each has."""
 
 
 def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
@@ -437,7 +437,7 @@ def ranking_document(
     pairs: list[Json] = []
     for a, b in itertools.combinations(ranked, 2):
         difference = second_less_first(normal[a], normal[b])
-        # The second less the first, which has the smaller value.
+        # The difference is the second less the first, which has the smaller value.
         per_step: Json = {"total": [difference.lower, difference.upper]}
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
@@ -591,12 +591,12 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 # -------------------------------------------------------------------------------------------------
 # The values of a label of a batch: a proven order, and beside it a statistical one.
 #
-# Compared are jobs that differ in that label alone, and of these only such as all its values have.
+# Only jobs that differ in that label alone are compared, and only those that all its values have.
 # The proven order is that of brackets of the combined value on these files; the statistical one is
 # about other truths like these (`statistics`).
 
 
-MOST_COMPARED = 100
+MAX_COMPARED = 100
 """Values of a label that are compared: all pairs of them are."""
 
 NOTHING = Interval(lower=0.0, upper=0.0)
@@ -639,15 +639,15 @@ def _ranking(
         )
         return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
-    # Two with the same labels and truth: a manifest has changed, the older one is of the past.
+    # Of two jobs with the same labels and truth the manifest has changed: the newer one counts.
     part = part.sort_values("finished", kind="stable")
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
     if len(names) < 2:
         yield f"{label} has one value alone: there is nothing to rank"
         return
-    if len(names) > MOST_COMPARED:
-        yield f"{label} has {len(names):,} values: at most {MOST_COMPARED} are ranked"
+    if len(names) > MAX_COMPARED:
+        yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"
         return
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
@@ -832,7 +832,7 @@ def _same(
 
 
 UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
-"""What tests say of a pair where there are too few truths."""
+"""Tests of a pair where there are too few truths."""
 
 
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
@@ -870,7 +870,7 @@ def _with_intervals(
     """
     lower, upper, steps = totals
     per = steps if per_step else None
-    if lower.shape[1] < statistics.LEAST_PAIRS:
+    if lower.shape[1] < statistics.MIN_PAIRS:
         return [None] * len(lower)
     sure: list[Any] = np.stack(statistics.intervals(lower, upper, order, per), axis=1).tolist()
     first, second = np.triu_indices(len(lower), 1)
@@ -890,7 +890,7 @@ def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any
     """
     lower, upper, _ = totals
     size = len(lower)
-    if lower.shape[1] < statistics.LEAST_PAIRS:
+    if lower.shape[1] < statistics.MIN_PAIRS:
         return [None] * size
     if not comparisons:
         return [(1, 1)] * size

@@ -37,7 +37,7 @@ Row = dict[str, Any]
 """Plain values by column; labels begin with ``label.``."""
 
 LABEL = "label."
-"""What the names of columns with labels begin with."""
+"""Beginning of the names of columns with labels."""
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
 """Columns with how many rows of each side are at none of the steps that were declared."""
@@ -126,7 +126,7 @@ def job_name(row: Mapping[Any, Any]) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What rows that were stored must be like.
+# Checks of stored rows.
 
 TOTALS = ("tgospa", "lower_bound", "upper_bound", "total", "total_lower", "total_upper")
 PER_STEP = "normalised.tgospa"
@@ -145,7 +145,7 @@ OF_VALUES: dict[str, FieldKind] = {
     **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
     "certified": FLAG,
     **{f"counts.{name}": COST for name in COUNTED_PARTS},
-    **{f"judged.{name}": kind for name, kind in saved.JUDGED.items()},
+    **{f"judged.{name}": kind for name, kind in saved.EVALUATED_ON.items()},
     **dict.fromkeys(("sizes.steps", "sizes.truth_states", "sizes.estimate_states"), COUNT),
     **{name: saved.PARAMETERS[name] for name in PARAMETER_COLUMNS},
     **dict.fromkeys(("parameters", "warnings"), TEXT),
@@ -228,7 +228,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # kinds of numbers are ranges
+        values = column.to_numpy()  # numbers must be in ranges
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -297,7 +297,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows that belong together: those that differ in nothing but the labels that are compared.
+# Rows that belong together differ only in the labels that are compared.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.coverage.digest`)."""
@@ -428,7 +428,7 @@ def pair_numbers(
     same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
     numbers = same.groupby(list(same), dropna=False).ngroup()
     own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
-    if own.duplicated().any():  # options of their own tell them apart
+    if own.duplicated().any():  # options of their own distinguish such jobs
         same = same.assign(_options=rows["options"])
         numbers = same.groupby(list(same), dropna=False).ngroup()
     return numbers

@@ -47,13 +47,13 @@ RUN = (
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory", "entropic"),
 )
-"""What a run has; all but the first five are None, or empty, of one that failed."""
+"""Fields of a run; all but the first five are None, or empty, of one that failed."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
-"""Of Linux: what memory this process has, and what begins its peak anew."""
+"""Files of Linux: the memory of this process, and the one that begins its peak anew."""
 
 EXACT_STATES = 15_000
-"""Where the referee takes about a minute: states of one component.
+"""States of one component for which the referee takes about a minute.
 
 Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
 18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
@@ -157,7 +157,7 @@ def warm_up(solvers: Iterable[Solver]) -> None:
             distance=DISTANCES.ours("euclidean"),
             solver=solver,
         )
-        with suppress(Exception):  # what fails here fails again where it is recorded
+        with suppress(Exception):  # an error here comes again where it is recorded
             pair = fit(truth, estimate, request)
             solve(prepare(pair, request, stopwatch=Stopwatch()), solver, Stopwatch(), request)
 
@@ -197,7 +197,7 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
 
 
 ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
-"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+"""Work that is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
 def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
@@ -264,7 +264,7 @@ def compare_solvers(
         with progress.part(name_of(solver), number, len(solvers)):
             try:
                 runs.append(run_here(prepared, solver, progress))
-            except Exception as error:  # whatever it is, it must not cost what others have found
+            except Exception as error:  # no error may lose the results of other solvers
                 runs.append((failed(solver, error), None))
     return runs
 
@@ -327,8 +327,8 @@ def solvers_document(
 #
 # After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
 # error over the number of targets and over the number of steps. Every scene has a seed of its own,
-# made of the seed of the study, the size and the number of the run: what is added later leaves what
-# is there as it is.
+# made of the seed of the study, the size and the number of the run: later scenes leave the others
+# as they are.
 
 Key = tuple[int, int, int]
 """Targets, steps and number of a scene."""
@@ -444,7 +444,7 @@ class Study:
             if smallest < 1:
                 raise ConfigError(f"{name} is {smallest}: must be 1 or more")
         for targets, steps in self.sizes:
-            replace(self.scene, targets=targets, steps=steps)  # which checks both together
+            replace(self.scene, targets=targets, steps=steps)  # checks both numbers together
 
     @property
     def sizes(self) -> list[Size]:
@@ -520,7 +520,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
-    except Exception as error:  # whatever it is: the other scenes are to be done
+    except Exception as error:  # no error may stop the other scenes
         runs: list[Run] = [(failed(solver, error), None) for solver in study.solvers]
     else:
         about["sizes.states"] = len(prepared.states.begin)

@@ -27,11 +27,11 @@ PERMUTATION_SEED = 1
 CONFIDENCE = 0.95
 """Level of the intervals; tests are significant below what is left of 1."""
 
-LEAST_PAIRS = 6
-"""With fewer no two-sided p value can be below 0.05: the least is 2 / 2^n."""
+MIN_PAIRS = 6
+"""Pairs below which no two-sided p value can be below 0.05: the smallest is 2 / 2^n."""
 
 TIE = 1e-12
-"""Of the sum of all sizes: sums that differ by less are equal."""
+"""Tolerance relative to the sum of all sizes: sums that differ by less are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
 """Numbers that are exchanged at once."""
@@ -62,7 +62,7 @@ def intervals(
     tuple of array, shape (rows,)
         Lower and upper ends.
     """
-    # Sorted, so that the order of the totals changes no bit.
+    # Totals are sorted, so that their order changes no bit of the sums.
     place = np.lexsort((upper, lower))
     lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
     per: Floats | float = 1.0
@@ -73,7 +73,7 @@ def intervals(
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # No totals deviate by more than one alone that is not 0: the bound where brackets are wide.
+    # The largest possible deviation is that of a single total above 0: it bounds wide brackets.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -235,7 +235,7 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data as they are is one of the exchanges: drawn ones may lack it.
+    # The data themselves are one of the exchanges, which random ones may lack.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 
@@ -283,7 +283,7 @@ def _portions(count: int, size: int) -> Iterator[int]:
 
 def permutations_of(pairs: int) -> int:
     """Return how many flips are tried: at most all, and none of too few."""
-    return 0 if pairs < LEAST_PAIRS else min(1 << pairs, PERMUTATIONS)
+    return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
@@ -328,8 +328,8 @@ def confidence(
     numbers, begins, counts = np.unique(
         sums.index.get_level_values("_group"), return_index=True, return_counts=True
     )
-    # Those of one size are worked out together.
-    for size in np.unique(counts[counts >= LEAST_PAIRS]):
+    # Groups of one size are computed together.
+    for size in np.unique(counts[counts >= MIN_PAIRS]):
         of_size = np.flatnonzero(counts == size)
         units = begins[of_size][:, None] + np.arange(size)
         lower, upper, steps = (

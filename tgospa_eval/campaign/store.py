@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Where the row of a job has its steps by column, on its way from a worker to the store."""
+"""Field of a row with the steps of a job by column, on its way from a worker to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
@@ -72,7 +72,7 @@ OF_SOME_STEPS = dict.fromkeys(
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
 ANEW = "delete the file, and batch does its jobs again"
-"""What to do with a part that is wrong."""
+"""Remedy for a part that is wrong."""
 
 
 @contextmanager
@@ -173,7 +173,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
             if wrong:
                 raise ValueError(wrong)
             table = read.select([*OF_STEPS, *some]).to_pandas()
-            # A job is looked up once, where it begins.
+            # A job is searched once, where it begins.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
                 raise ValueError("the steps of a job are not in order")
@@ -267,7 +267,8 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
     def opened(name: str) -> Any:
         with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
-            return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
+            # NFS gives shared locks only on files that can be read.
+            return stack.enter_context((folder / name).open("a+"))
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
     at, size = (0, ALL_BYTES) if count == 1 else (byte, 1)
@@ -333,7 +334,7 @@ class Store:
                         f"{option('output', self.folder, short=True)}: is not empty, and no "
                         "batch; name another folder"
                     )
-                # Several shards may begin at once: all write the same, and who is later looks.
+                # Several shards may begin at once: all write the same, and later ones compare.
                 with writing(path, option("output", self.folder, short=True)) as beside:
                     beside.write_text(
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
@@ -382,7 +383,7 @@ class Store:
 
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            # Of one file, without the search for a dataset, which takes longer than reading.
+            # A single file is opened, as the search for a dataset takes longer than reading.
             with read_part(path), pq.ParquetFile(path) as file:
                 part = file.read().replace_schema_metadata()
                 wrong = part_fault(part)
@@ -391,11 +392,11 @@ class Store:
             tables.append(part.select(list(known_columns(part))))
         if not tables:
             return pd.DataFrame(columns=["key", "status"])
-        # Parts of failed jobs alone lack columns.
+        # Parts with only failed jobs lack columns.
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
-        # A file that changed since has another key: its older row is one of the past.
+        # A file that changed since has another key, so its older row no longer counts.
         same = [*labels, "truth", "estimate", "options"]
         latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
         latest["_done"] = latest["status"] == "done"
@@ -420,10 +421,10 @@ class Store:
 
         if not rows:
             return
-        # A name that no other has, later than all before.
+        # The name is unique and sorts after all earlier ones.
         name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
-        # First, so that no job is known whose steps are not there.
+        # Steps are written first, so that no known job lacks its steps.
         if steps is not None:
             self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
         names = dict.fromkeys(name for row in rows for name in row if name != STEPS)

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 
 WITH_PREFIX = "with."
-"""What columns of other metrics begin with."""
+"""Beginning of columns of other metrics."""
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
@@ -121,7 +121,7 @@ SUMS = (
 )  # fmt: skip
 
 ENDS = ("", "_lower", "_upper")
-"""Of the names of a value and its bounds."""
+"""Ends of the names of a value and its bounds."""
 
 
 def check_labels(by: Sequence[str], known: Collection[str]) -> None:
@@ -169,7 +169,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     rows, parameters = with_parameters(rows)
     filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
-    # Of a job without value the parameters are not known.
+    # The parameters of a job without value are not known.
     heads, numbers = _groups(having if parameters else filled, by, parameters)
     own = numbers.loc[having.index]
     orders = having["order"].groupby(own).first()
@@ -315,7 +315,7 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
-"""Of the bootstrap."""
+"""Settings of the bootstrap."""
 
 BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
 """Ends of bands."""
@@ -331,13 +331,13 @@ Bounds = tuple[Sequence[float], Sequence[float]]
 Line = tuple[list[float], Band | None]
 """Root mean squares, and what is around them; None where there are too few runs."""
 
-LEAST_RUNS: Mapping[BandKind, int] = {
-    "interval": statistics.LEAST_PAIRS,
-    "bootstrap": statistics.LEAST_PAIRS,
+MIN_RUNS: Mapping[BandKind, int] = {
+    "interval": statistics.MIN_PAIRS,
+    "bootstrap": statistics.MIN_PAIRS,
     "percentiles": 2,
     "deviation": 2,
 }
-"""With fewer there are no bands."""
+"""Runs below which there are no bands."""
 
 
 def rms_curves(
@@ -382,7 +382,7 @@ def rms_curves(
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         about: list[str] = []
-        # A run without any step has nothing at all times.
+        # A run without any step counts with cost 0 at all times.
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
@@ -553,14 +553,14 @@ class _Runs:
         at_once = _running(place[by_run], self.slices, len(read))
         if over is None and 2 * at_once.max() <= len(begins):
             self.over, self.own_span = "start", True
-        if self.over == "start":  # which leaves the order of the steps of a run
+        if self.over == "start":  # this keeps the order of the steps of a run
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
         self.order, self.band = order, band
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
-        # Of equal times, as 1 and 1.0, that of the first run is shown.
+        # Equal times such as 1 and 1.0 are shown as in the first run.
         first = by_run[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
         self.divisor = np.maximum(self.columns(["steps"])[0], 1)
@@ -635,7 +635,7 @@ class _Runs:
     ) -> Line:
         """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
         band = None
-        if self.count >= LEAST_RUNS[self.band] and not self.many:
+        if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
             typical = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
             for row, there, within in self.cells(carried=carried):
@@ -644,7 +644,7 @@ class _Runs:
                 cuts = np.flatnonzero((within[:, 1:] != within[:, :-1]).any(axis=0)) + 1
                 for begin, end in pairwise([0, *cuts.tolist(), row.shape[1]]):
                     own = within[:, begin]
-                    if np.count_nonzero(own) >= LEAST_RUNS[self.band]:
+                    if np.count_nonzero(own) >= MIN_RUNS[self.band]:
                         some = [side[own, begin:end] for side in cells]
                         ends_of_cells[:, begin:end] = _band(
                             self.band, some[0], some[-1], self.order, typical
@@ -665,7 +665,7 @@ class _Runs:
         """
         ends = np.array([[0, len(self.times)]] * self.count)
         if self.own_span:
-            ends[:] = (1, 0)  # of runs without steps
+            ends[:] = (1, 0)  # an empty range, for runs without steps
             for own in self.slices:
                 ends[self.run[own.start]] = self.place[[own.start, own.stop - 1]]
         size = len(self.times)
@@ -700,7 +700,7 @@ def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Flo
 
 
 DIGITS_OF_TIMES = 9
-"""Of seconds since a start: those of differences of decimals beyond are rounding."""
+"""Decimals of seconds since a start: differences of decimals are rounded to these."""
 
 
 def _as_read(text: str) -> Time:

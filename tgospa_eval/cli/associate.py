@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""What it has of the options of everything that evaluates."""
+"""Options of an evaluation that this verb has."""
 
 _output = partial(Option, section="Output")
 
@@ -106,7 +106,7 @@ def command(
     requested = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
     files = {name: path for name, path in requested.items() if path}
     for name, path in files.items():
-        check_file(path, name, force=force, others=taken)
+        check_file(path, name, force=force, inputs=taken)
         taken.append(path)
     wanted = probed(output, ASSOCIATION, "associate")
     resolved = resolve_request(request)

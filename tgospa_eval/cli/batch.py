@@ -89,7 +89,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if done.page:
         try:
             _write(done.store, tables, output)
-        except ConfigError as error:  # the rows are stored in any case
+        except ConfigError as error:  # the rows are stored already
             print_notice(f"the page is not written: {error}")
     for text in () if output.quiet else done.notices:
         print_notice(text)

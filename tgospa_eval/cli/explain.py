@@ -105,7 +105,7 @@ def command(
 
     if output is not None:
         inputs = truth, estimate
-        ending = check_file(output, "-o", force=force, others=inputs, endings=TABLES)
+        ending = check_file(output, "-o", force=force, inputs=inputs, suffixes=TABLES)
     request, shown = (
         Request.of(options | dict.fromkeys(LEFT_ASIDE)),
         click_builder.OutputOptions.of(options),

@@ -68,7 +68,7 @@ def command(
         from tgospa_eval.show.style import FILES, MISSING, available
 
         suffixes = [f".{kind}" for kind in FILES]
-        ending = check_file(plot, "--plot", force=True, others=paths, endings=suffixes)
+        ending = check_file(plot, "--plot", force=True, inputs=paths, suffixes=suffixes)
         if not available():
             raise ConfigError(MISSING)
     resolved, stopwatch = resolve_request(request), Stopwatch()

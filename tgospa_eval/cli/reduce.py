@@ -63,7 +63,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.show.result_text import reduction_text
 
     request, output = Request.of(options), click_builder.OutputOptions.of(options)
-    ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
+    ending = check_file(target, "OUT", force=force, inputs=[source], suffixes=TABLES)
     how, settings = reducing(request, size)
 
     def work(resources: "Resources") -> "tuple[Reading, bytes, Columns]":

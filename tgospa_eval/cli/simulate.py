@@ -28,7 +28,7 @@ BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 OPTION = "DIR"
-"""What messages about the folder begin with."""
+"""Beginning of messages about the folder."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
@@ -289,7 +289,7 @@ def _make_scene(
         scene.area, {name: value for name, value in errors.items() if value is not None}
     )
     sides = simulate(scene, tracker, np.random.default_rng(seed))
-    if format_ == "kitti":  # whose frames count from 0
+    if format_ == "kitti":  # its frames count from 0
         sides = (
             replace(sides[0], times=sides[0].times - 1),
             replace(sides[1], times=sides[1].times - 1),

@@ -26,10 +26,10 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 SECTION = "tgospa_eval.section"
-"""Under this name the context keeps the section that `help VERB SECTION` asks for."""
+"""Key of the context for the section that `help VERB SECTION` shows."""
 
 CONFIG = "tgospa_eval.common.config"
-"""Under this name the context keeps the configuration file in use."""
+"""Key of the context for the configuration file in use."""
 
 
 def load(verb: str) -> click.Command:
@@ -50,7 +50,7 @@ VERB_WORDS = {
     "verify": "proof prove certificate certify audit recheck",
     "simulate": "sim generate gen make create demo synth example",
 }
-"""What people type for a verb."""
+"""Words that people type for a verb."""
 
 LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
@@ -136,7 +136,7 @@ class Verbs(click.Group):
             elif text.startswith("--"):
                 skip = text in taking
             elif text.startswith("-") and len(text) > 1:
-                # Of letters run together the first that takes a value takes the rest, if any.
+                # In joined letters the first one that takes a value takes the rest, if any.
                 value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
                 skip = value == len(text) - 1
             else:

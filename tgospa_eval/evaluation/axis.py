@@ -253,7 +253,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
-        side.seen_as(("gaussian", *distance.kinds)),  # of these there may be a NEES
+        side.seen_as(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -304,7 +304,7 @@ def _find_outages(
     silent = lengths > longest
     if not silent.any():
         return None
-    # A stamp of the truth is in the interval that ends with or after it.
+    # A stamp of the truth belongs to the interval that ends with it or after it.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
     return Outages(
@@ -387,7 +387,7 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.held is not None:  # judged at their own stamps
+    if axis.held is not None:  # reports count at their own stamps
         narrow = estimate = axis.held.reports
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED

@@ -40,7 +40,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
-    if compared.held is not None:  # on a common clock a report is judged at its own time
+    if compared.held is not None:  # on a common clock a report counts at its own time
         names = np.array(compared.labels.truths, dtype=object)
         pair = compared.held.located(names[problem.sides[0].track[rows[0]]], rows[1])
         states = pair[0].state, pair[1].state
@@ -48,7 +48,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
         clouds = pair[1].clouds
         rows = np.arange(len(rows[0])), np.arange(len(rows[0]))
     nees, histogram = nees_of(states, spreads, rows, periods), None
-    if problem.unjudged is not None:  # nobody is judged by an ignored truth
+    if problem.unjudged is not None:  # an ignored truth does not count
         ignored = problem.unjudged[0][on_steps[0]]
         nees[ignored] = np.nan
         assigned = replace(assigned, weight=np.where(ignored, 0.0, assigned.weight))
@@ -85,7 +85,7 @@ def squared(errors: Floats, factors: Floats) -> Floats:
     d = len(errors)
     solved = np.empty_like(errors)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for i in range(d):  # forward substitution, all pairs at a time
+        for i in range(d):  # forward substitution for all pairs at once
             row = i * (i + 1) // 2
             known = sum(factors[row + k] * solved[k] for k in range(i))
             solved[i] = (errors[i] - known) / factors[row + i]

@@ -319,7 +319,7 @@ def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 
 # -------------------------------------------------------------------------------------------------
-# What is proven of beginnings by solving their endings (docs/theory/solvers.md, "The curve").
+# Bounds of prefixes by solving their suffixes (docs/theory/solvers.md, "The curve").
 
 
 class SeparateStretches:
@@ -412,7 +412,7 @@ class SuffixSolver:
         joint = self.suffixes.make_problem(block, begin, end, before)
         states = merge_runs(joint.problem, transpose=False)
         warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
-        # What is paid until then is in the values already.
+        # The values include the cost until then.
         until_then = np.zeros(joint.problem.steps, bool)
         until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
@@ -470,10 +470,10 @@ class SuffixSolver:
     ) -> tuple[Floats, Floats]:
         """Cost by kind, and its error, up to each step of each ending."""
         split = break_down(states, weights)
-        # Into the first step switches are from what the whole assigns before.
+        # Switches into the first step are from the assignment of the whole before it.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # Nothing happens any more to blocks of a single step.
+        # Blocks of a single step do not change any more.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -494,7 +494,7 @@ class SuffixSolver:
         moves = RowMoves.of(states, offsets(states), prices, since=joint.first[joint.ending] + 1)
         of_row = joint.ending[states.block_begin[states.node_block[moves.rows]]]
         reached = before.value[listed]
-        opens = states.pair_first[:-1]  # what is paid at the step before
+        opens = states.pair_first[:-1]  # the price at the step before
         pays = np.flatnonzero(slots.end[opens] > slots.begin[opens])
         reached[pays] = up(reached[pays] - prices[slots.begin[opens[pays]]])
         some = listed[moves.first]
@@ -597,7 +597,7 @@ def trace(
     lower_bounds[ends] = np.maximum(lower_bounds[ends], whole_blocks(states, prices, reduced))
 
     bracket = _Brackets(cells=cells, parts=parts, lower=lower_bounds, error=error, gap=solver.gap)
-    bracket.open[ends] = False  # a whole block: the solver has had its chance
+    bracket.open[ends] = False  # the solver has already solved whole blocks
     if bracket.open.any():
         suffixes, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         from_begin = states.transposed.copy()
@@ -608,7 +608,7 @@ def trace(
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
     shown[1:3] += unpaired_costs
-    # Of objects that are near to none: sums of so many prices.
+    # Objects that are near to none cost sums of so many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
     unsure = (
         0.0
@@ -691,7 +691,7 @@ def _narrow(
                     return
                 progress.again("the curve", 1 - np.count_nonzero(brackets.open) / open_at_start)
                 own = at[group]
-                own = own[brackets.open[cell[own]]]  # others may have shown it
+                own = own[brackets.open[cell[own]]]  # other stretches may have closed the bracket
                 if not len(own):
                     continue
                 timed = _for_the_rest(solver, limit)

@@ -59,7 +59,7 @@ from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SURELY = 1.001
-"""By how much a test is passed more clearly than it has to be, since sums are rounded otherwise."""
+"""Margin by which a test must be passed, since sums are rounded otherwise."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
@@ -229,7 +229,7 @@ class JoinedPairs:
         self.states = states = self.reduced()
         problem = states.problem
         weights, prices, separate = self._solve()
-        if problem.cost_slack:  # of powers near the smallest double
+        if problem.cost_slack:  # powers near the smallest double are not exact
             separate[:] = True
         whole = feasible(states, weights)
         lower = lower_bounds(states, prices).tolist()

@@ -105,7 +105,7 @@ class SimilarPairs:
 def hota(pairs: SimilarPairs) -> Sums:
     """HOTA: matches at every threshold, of one assignment that prefers tracks that go together."""
     similarity = pairs.similarity
-    union = similarity.copy()  # of undisputed pairs: s + s - s
+    union = similarity.copy()  # pairs without rivals have s + s - s
     for part, at, matrix in pairs.disputed():
         matrix[at] = similarity[part]
         union[part] = matrix.sum(0)[at[1]] + matrix.sum(1)[at[0]] - similarity[part]

@@ -45,7 +45,7 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""What is kept of each metric, by the names of TrackEval; of arrays over thresholds the mean."""
+"""Numbers that are kept of each metric, by the names of TrackEval; of arrays the mean."""
 
 IOU = "iou"
 """The distance of states whose similarity is TrackEval's, to the bit."""
@@ -169,7 +169,7 @@ def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
         each = [other.by_name[name] for other in several]
         every = finished(name, each[0] if len(each) == 1 else combined(name, each))
         if name == "clear" and len(each) == 1 and not every["CLR_TP"] + every["CLR_FN"]:
-            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval says nothing of one without truth
+            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval has no value without truth
         record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
         costs = [other.gospa for other in several if other.gospa is not None]

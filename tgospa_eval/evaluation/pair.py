@@ -129,7 +129,7 @@ class PairEvaluation(Evaluation):
     def _switches(self) -> Columns:
         """Return changes of each truth's assignment, from its largest loss to its largest gain."""
         switches = read_switches(self.proof.states, self.proof.weights)
-        named = [*self.labels.estimates, None]  # the last is that of -1
+        named = [*self.labels.estimates, None]  # the last one is the name of -1
         price = self.proof.states.problem.switch_price_at[switches.step]
         return {
             "t": [self.labels.times[k] for k in switches.step.tolist()],
@@ -247,7 +247,7 @@ class EvaluationByClass(Evaluation):
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
         for column in dict.fromkeys(name for table in tables.values() for name in table):
-            joined[column] = [  # what is not judged, which some classes have none of
+            joined[column] = [  # some classes have no states that are not judged
                 value
                 for part, table in tables.items()
                 for value in table.get(column, [0] * sizes[part])
@@ -377,7 +377,7 @@ def _sum_of_brackets(parts: list[B | None]) -> B | None:
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
     """Return the record of a file, with the rows left out and a digest of its classes."""
-    # Those of the other file are left out: the truth has a digest of its own.
+    # Numbers of the other file are left out: the truth has a digest of its own.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())

@@ -164,7 +164,7 @@ def prepare(
     )
     with stopwatch.span("solve/preparation"):
         problem = measured.problem(near, request.parameters)
-        del near  # the distances are as long as the entries
+        del near  # frees memory: the distances are as long as the entries
         states = merge_runs(problem)
     return measured.prepared(states, request.parameters)
 
@@ -342,7 +342,7 @@ def measure(
         truth, estimate = (
             side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
-        scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
+        scene: dict[str, Any] = {  # as read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
@@ -413,7 +413,7 @@ def with_far_pairs(
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
     estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
     both = truth_row.astype(np.int64) * max(len(sides[1].step), 1) + estimate_row
-    first = np.unique(both, return_index=True)[1]  # near ones are in both
+    first = np.unique(both, return_index=True)[1]  # near pairs are in both lists
     value = np.concatenate((pairs.distance, far.distance[kept]))
     return Pairs(
         truth_row=truth_row[first], estimate_row=estimate_row[first], distance=value[first]
@@ -501,7 +501,7 @@ def fit(
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.held is not None:
         aligned = replace(aligned, held=axis.held)
-    if time_matching.of_estimate:  # its stamps, and those of its outages, are the horizon
+    if time_matching.of_estimate:  # the horizon has its stamps and those of its outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(

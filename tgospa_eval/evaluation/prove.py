@@ -169,7 +169,7 @@ def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *,
     """Return the record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
-        # The proof knows better than the solver.
+        # The bounds of the proof decide, not the status of the solver.
         finished, status = met, str(Status.SOLVED if met else Status.NOT_SOLVED)
     scale = parameters.scale
     return {
@@ -262,7 +262,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     spacing = float(np.spacing(largest))
     error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
     total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # where all is rounding, the bounds say so
+    if not ROUNDED_DIGIT * total < error < total:  # the bounds show a total of rounding
         return ()
     return (
         Notice(

@@ -40,10 +40,10 @@ RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | M
 GIVEN = "ignore_regions"
 
 HALF = 0.5 - 1e-12
-"""Least share of the area of a box that is inside, with room for rounding."""
+"""Share of the area of a box from which it is inside, with room for rounding."""
 
 ROUNDED = 2.0**-40
-"""What distances of boxes are widened by when those near each other are searched."""
+"""Margin of the distances of boxes when those near each other are searched."""
 
 PLANE, EARTH = ("x", "y"), PLACES
 
@@ -113,7 +113,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     return of_rows(header, [row], [option("region")] * 2, ".", option("region", text))
 
 
-@np.errstate(over="ignore")  # infinitely far is right
+@np.errstate(over="ignore")  # an infinite distance is right here
 def inside(
     regions: Regions,
     side: Trajectories,
@@ -203,7 +203,7 @@ def _candidates(
         yield np.arange(low, high), np.full(high - low, k)
     if not plain or high == low:
         return
-    if "lat" in side.columns:  # which turn around
+    if "lat" in side.columns:  # longitudes wrap around
         for k in plain:
             yield np.arange(low, high), np.full(high - low, k)
         return
@@ -290,7 +290,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
     edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
     cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
-    across, along = (  # which stretches between two cuts each region has
+    across, along = (  # the stretches between two edges in each region
         (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
         for axis in (0, 1)
     )

@@ -110,7 +110,7 @@ class Sliding:
             return _spans_of_time(times, self.size, self.every)
         steps = len(times)
         size = min(int(self.size), steps)
-        every = min(int(self.every), size)  # numbers of any size are asked for
+        every = min(int(self.every), size)  # the option takes numbers of any size
         first = np.arange(0, steps - size + 1, every) if steps else np.zeros(0, np.int64)
         if len(first) and first[-1] + size < steps:
             first = np.append(first, steps - size)
@@ -145,7 +145,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
-    length = min(size.nanoseconds, end - begin + 1)  # numbers of any size are asked for
+    length = min(size.nanoseconds, end - begin + 1)  # the option takes numbers of any size
     spacing = min(every.nanoseconds, length)
     count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
@@ -162,7 +162,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
 
 MOT_METRICS = ("hota", "clear", "identity")
 OTHER_METRICS = (*MOT_METRICS, "gospa", NEES)
-"""What can be evaluated beside TGOSPA, in the order in which it is shown."""
+"""Metrics that can be evaluated beside TGOSPA, in the order in which they are shown."""
 
 
 @dataclass(frozen=True, kw_only=True)

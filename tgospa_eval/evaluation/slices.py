@@ -48,14 +48,14 @@ from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
-MOST_DISTINCT = 20
+MAX_DISTINCT = 20
 """Different numbers that have a slice each where no edges are given."""
 
-MOST_SLICES, MOST_CROSSINGS = 200, 5_000
-"""By one attribute, and by two."""
+MAX_SLICES, MAX_CROSSINGS = 200, 5_000
+"""Slices by one attribute, and by two."""
 
 NOT_KNOWN = -1.0
-"""How MOTChallenge and KITTI write a share that is not known."""
+"""Number of MOTChallenge and KITTI for an unknown share."""
 
 QUARTILES = (0.25, 0.5, 0.75)
 
@@ -131,7 +131,7 @@ def members(
     numbers = _numbers(attribute, values, texts, "edges")
     finite = [side[~np.isnan(side)] for side in numbers if side is not None]
     distinct = np.unique(np.concatenate(finite))
-    if len(distinct) <= MOST_DISTINCT:
+    if len(distinct) <= MAX_DISTINCT:
         names = list(map(_shown, distinct.tolist()))
         inside = [
             None if side is None else np.where(np.isnan(side), -1, np.searchsorted(distinct, side))
@@ -239,7 +239,7 @@ def _by_text(
             f"{option('slices')} {attribute.name}={':'.join(names)}: there is none of these, but "
             f"{listed(sorted(there, key=natural)[:10])}"
         )
-    if len(names) > MOST_SLICES:
+    if len(names) > MAX_SLICES:
         raise ConfigError(
             f"{option('slices', attribute.name)}: {len(names):,} different values; name those "
             f"that are of interest, {attribute.name}={names[0]}:{names[1]}"
@@ -299,7 +299,7 @@ def _quarters(values: Floats) -> list[float]:
 
 
 INSIDE, OUTSIDE = "inside", "outside"
-"""Of a region."""
+"""Names of the slices of a region."""
 
 
 def values_of(
@@ -516,7 +516,7 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
-"""What each row of truth and estimate costs, in units of c^p, and how often: localisation, misses
+"""Costs of each row of truth and estimate, in units of c^p, and counts: localisation, misses
 and switches of truths, false targets of estimates."""
 
 
@@ -571,13 +571,13 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     for attribute in by.attributes:
         if held is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
-        else:  # speeds and neighbours are those of reports
+        else:  # reports have the speeds and neighbours
             at = sides[0], held.reports
             first, second = values_of(at, attribute, fitted.distance, cutoff)
             values = first, None if second is None else second[held.row]
         by_attribute.append(members(attribute, values, rows, summed=by.summed))
     whole = by_attribute[0] if len(by_attribute) == 1 else by_attribute[0].crossed(by_attribute[1])
-    if len(whole.names) > MOST_CROSSINGS:
+    if len(whole.names) > MAX_CROSSINGS:
         raise ConfigError(
             f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices"
         )

@@ -12,7 +12,7 @@ from tgospa_eval.results.slices import CROSSED
 from tgospa_eval.text import option, quoted
 
 AS_WEIGHT = "weight"
-"""In place of edges: the attribute is a share."""
+"""Word in place of edges: the attribute is a share."""
 
 OF_REGION = "region"
 
@@ -22,7 +22,7 @@ DERIVED = ("range", "speed", "size", "density", "age", OF_REGION)
 OF_BOXES = ("left", "top", "width", "height", "right", "bottom", "length")
 """Columns that the size follows from, where the states have none."""
 
-MOST_CROSSED = 2
+MAX_CROSSED = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
         if not isinstance(text, str):
             raise ConfigError(f"{option('slices')} {text!r}: must be a text such as range=0:50:100")
         parts = [part.strip() for part in text.split(CROSSED.strip())]
-        if len(parts) > MOST_CROSSED:
+        if len(parts) > MAX_CROSSED:
             raise ConfigError(
                 f"{option('slices')} {quoted(text)}: at most two attributes can be crossed"
             )
@@ -149,7 +149,7 @@ def _edges(ends: list[str], text: str) -> tuple[float, ...]:
         )
     if any(low >= high for low, high in pairwise(values)):
         raise ConfigError(f"{option('slices')} {quoted(text)}: edges must increase")
-    if len(ends) == 1:  # below it, and from it on
+    if len(ends) == 1:  # two slices: below the edge, and from it on
         return -math.inf, *values, math.inf
     low = () if ends[0] else (-math.inf,)
     high = () if ends[-1] else (math.inf,)

@@ -114,7 +114,7 @@ class Tracked:
     sums: Sums
 
     @classmethod
-    @np.errstate(over="ignore", invalid="ignore")  # of states that nobody has
+    @np.errstate(over="ignore", invalid="ignore")  # extreme states overflow
     def of(cls, proof: PairProof) -> "Tracked":
         """Read one evaluation."""
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
@@ -124,7 +124,7 @@ class Tracked:
         sides, rows, places = [], [], []
         for side, mask in zip(problem.sides, evaluated, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
-            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # they are by step
+            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # sorted by step
             place = np.full(len(side.step), -1, side.step.dtype)
             place[chosen] = np.arange(len(chosen), dtype=place.dtype)
             step = side.step[chosen]
@@ -236,10 +236,10 @@ class Axes:
         sums: dict[str, Any] = {"axes": np.zeros(len(self.names)), "bends": np.zeros(2)}
         sums |= dict.fromkeys(SUMMED, 0.0)
         for begin in range(0, len(at), PAIRS_TOGETHER):
-            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # two more, for second differences
+            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.held is not None:  # on a common clock a report is judged at its own time
+            if compared.held is not None:  # on a common clock a report counts at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.held.located(names, report)
                 states = located[0].state, located[1].state
@@ -295,7 +295,7 @@ SUMMED = ("bent", "places", "velocities", "moving", "along", "way", "speeds", "s
 """Sums of `Axes.sums` that are numbers."""
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
 def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
     """Return the summary of an evaluation, given its states and pairs."""
     horizon = evaluation.evaluated_on.each
@@ -381,7 +381,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
     is_followed = sum_by(at, tracked.weight, size) >= HALF
     who = np.full(size, -1)
     last = slice(None) if (np.diff(at) > 0).all() else np.lexsort((tracked.weight, at))
-    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # of a row the last one stays
+    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last one of a row is kept
     goes_on = np.zeros(size, bool)
     goes_on[1:] = is_followed[1:] & is_followed[:-1] & ~truth.first[1:]
     begins = is_followed & ~goes_on
@@ -390,7 +390,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
     run = np.cumsum(begins)[is_followed] - 1
     np.maximum.at(longest, truth.track[begins], np.bincount(run, minlength=int(begins.sum())))
     delay = np.full(truth.tracks, np.nan)
-    first = np.flatnonzero(begins)[::-1]  # the earliest is written last
+    first = np.flatnonzero(begins)[::-1]  # the earliest is written last, so it is kept
     delay[truth.track[first]] = time[first]
     start = np.zeros(truth.tracks)
     start[truth.track[truth.first]] = time[truth.first]
@@ -410,7 +410,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
     """Pairs of tracks, and the sums of the weights of each; pairs are by truth and time."""
-    for _ in range(2):  # first of neighbours, which leaves few to sort
+    for _ in range(2):  # neighbours are compared first, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]
@@ -478,7 +478,7 @@ def _siap(tracked: Tracked) -> Json:
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]
     who = estimate.track[to]
-    order = np.argsort(who, kind="stable")  # they are by time
+    order = np.argsort(who, kind="stable")  # pairs are sorted by time
     row, track = at[order], who[order]
     on = np.zeros(len(row), bool)
     on[1:] = (np.diff(row) == 1) & (np.diff(track) == 0) & ~truth.first[row[1:]]
@@ -516,7 +516,7 @@ def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
     order = np.lexsort((end, begin))
     begin, end = begin[order], end[order]
     furthest = np.maximum.accumulate(end) if len(end) else end
-    if (begin[1:] > furthest[:-1]).all():  # as all are but of mixed assignments
+    if (begin[1:] > furthest[:-1]).all():  # only mixed assignments overlap
         return np.bincount(truth.track[begin], minlength=truth.tracks)
     needed = np.zeros(truth.tracks, np.int64)
     spans, k, best, covered = list(zip(begin.tolist(), end.tolist(), strict=True)), 0, -1, -1

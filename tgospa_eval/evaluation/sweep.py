@@ -32,7 +32,7 @@ CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""What takes no longer than a look at the neighbours: half sweeps, were all states in each of
+"""Work that takes no longer than reading the neighbours: half sweeps, were all states in each of
 them, and iterations."""
 
 
@@ -159,7 +159,7 @@ class _Line:
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
         if self.name == "rho" and self.near.unjudged is None:
-            # Bounds at smaller cutoffs are for the prices that they were solved with.
+            # Bounds at smaller cutoffs need the prices of their own solution.
             if self.solution is None or self.solution.reduced:
                 self.solution = replace(solver(states, stopwatch), disposable=False)
             return _point(prove(prepared, solver, self.solution, stopwatch), self.name), None

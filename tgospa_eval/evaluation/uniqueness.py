@@ -21,14 +21,14 @@ from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
-"""In units of c^p: a path that is worse by less may be as good, but for rounding."""
+"""Margin in units of c^p: a path that is worse by less may be as good, but for rounding."""
 
 SHARE = 100.0
-"""What is worse by so many times the gap has at most one such part in any best assignment: weights
+"""Multiple of the gap: a part that costs more is at most once in any best assignment: weights
 of vertices are multiples of 1/2 to 1/18."""
 
 ROUNDS = 50
-"""Of drawing conclusions; each takes as long as looking for best paths twice."""
+"""Rounds of conclusions; each takes as long as two searches for best paths."""
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
@@ -49,7 +49,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     reach = max(NO_TIE, SHARE * (bounds.upper - bounds.lower))
     used, assigned = proof.weights > 0, proof.weights == ONE
     if not np.array_equal(used, assigned):
-        return False  # a mixture of paths
+        return False  # the best path is a mixture
     if not len(used):
         return True
     rows = _Rows(states, proof.prices, reach)
@@ -84,7 +84,7 @@ class _Rows:
         self.priced = prices > reach
         self.row = states.pair_row[states.pair]
         single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-        # Rows with a single pair have no slots: nothing of theirs is beside it.
+        # Rows with a single pair have no slots, so nothing beside the pair is their own.
         self.is_single = np.repeat(single, np.diff(states.pair_first))
         self.near, self.needed = _marks(states, self.value, prices, reach)
         self.certain = np.zeros(len(states.begin), bool)
@@ -114,7 +114,7 @@ class _Rows:
             for slots in (columns, rows):
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
-                    return False  # rounding: prices that are none of the best
+                    return False  # by rounding the prices are not optimal
                 self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 

@@ -40,9 +40,9 @@ FEWEST = 10
 """Independent values below which there is no warning."""
 
 BINS = 10
-"""Of the histogram of ranks."""
+"""Bins of the histogram of ranks."""
 
-MOST_CORRELATED = 0.999
+MAX_CORRELATION = 0.999
 """Up to which a correlation is believed: some independent values are left."""
 
 
@@ -61,7 +61,7 @@ def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple
 
 
 def band_in_words(low: float, high: float, between: str = " to ") -> str:
-    """Ends of a band, with more digits if it is narrow."""
+    """Format the ends of a band, with more digits if it is narrow."""
     digits = 3 if high > 1.02 * low else 5
     return f"{number(low, digits)}{between}{number(high, digits)}"
 
@@ -159,12 +159,12 @@ class NeesSums:
         if not self.neighbours or variance <= 0:
             return self.pairs
         centred = self.products - self.mean * self.ends + self.neighbours * self.mean**2
-        r = min(max(centred / self.neighbours / variance, 0.0), MOST_CORRELATED)
+        r = min(max(centred / self.neighbours / variance, 0.0), MAX_CORRELATION)
         return max(self.pairs * (1 - r) / (1 + r), 1.0)
 
     @property
     def verdict(self) -> str:
-        """In a word, by the band of the mean."""
+        """Verdict in a word, by the band of the mean."""
         if not self.pairs:
             return "no assigned state has a covariance"
         low, high = band(self.independent, self.components)
@@ -244,7 +244,7 @@ def fits_sums(record: Json) -> bool:
 def nees_sums(
     pairs: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
-    """Sums of assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
+    """Sum over assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
     known = ~np.isnan(nees)
     weight, values = pairs.weight[known], nees[known]
     order = np.lexsort((pairs.step[known], pairs.estimate[known], pairs.truth[known]))

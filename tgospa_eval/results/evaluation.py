@@ -34,17 +34,17 @@ OPEN = 0.99
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *records.PARTS)
-"""What every result has one number of."""
+"""Names of which every result has one number."""
 
 DOCUMENTED = (
     *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
     *("judged", "solver", "timings", "input", "version", "files", "summary", "headline"),
 )
-"""What the JSON has as it stands."""
+"""Fields that the JSON has as they are."""
 
 
 def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
-    """An attribute that is a table as a DataFrame, made when it is read."""
+    """Return an attribute that is a table as a DataFrame, made when it is read."""
 
     def made(result: Any) -> "pd.DataFrame":
         frame: pd.DataFrame = result.frame(name)
@@ -269,7 +269,7 @@ class Evaluation(ABC):
         return None if self.unjudged is None else self.unjudged.totals
 
     @property
-    def not_judged(self) -> str:
+    def exclusions(self) -> str:
         """Parts of the data that are not judged, in words; blank without any."""
         if self.ignored is None:
             return ""
@@ -342,7 +342,7 @@ class Evaluation(ABC):
         return self.evaluated_on.record()
 
     def table(self, name: str) -> records.Columns:
-        """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
+        """Return a table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
         ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
         ``"curve"``, ``"windows"``; those that were not asked for have no columns.
@@ -361,7 +361,7 @@ class Evaluation(ABC):
 
     @abstractmethod
     def _of_tracks(self, name: str) -> records.Columns:
-        """``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
+        """Return ``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
     def _per_step(self) -> records.Columns:
         """Cost of each step by kind."""
@@ -370,7 +370,7 @@ class Evaluation(ABC):
         return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
 
     def _curve(self) -> records.Columns:
-        """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
+        """Return the normalised curve (docs/theory/solvers.md): no columns if it was not requested.
 
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
         (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
@@ -387,7 +387,7 @@ class Evaluation(ABC):
         return table
 
     def _windows(self) -> records.Columns:
-        """The sliding windows: no columns if they were not asked for.
+        """Return the sliding windows: no columns if they were not requested.
 
         Of each window the metric by itself with its bounds and the parts of its cost, and
         ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
@@ -409,7 +409,7 @@ class Evaluation(ABC):
         return table
 
     def _rooted(self, costs: Brackets, each: Floats | Ints) -> records.Columns:
-        """The metric of costs that are divided by `each`, and its bounds."""
+        """Return the metric of costs that are divided by `each`, and its bounds."""
         power = 1 / self.proof.parameters.order
         table: records.Columns = {}
         for name, cost, sign in (
@@ -421,17 +421,17 @@ class Evaluation(ABC):
             table[name] = (value * (1 + sign * (2 * POWER + self.proof.root_error(cost)))).tolist()
         return table
 
-    def first_switches(self, most: int) -> tuple[records.Columns, int]:
+    def first_switches(self, count: int) -> tuple[records.Columns, int]:
         """First rows of the table of switches, at most so many, and the number of all rows."""
         table = self.table("switches")
-        return {name: column[:most] for name, column in table.items()}, len(table["t"])
+        return {name: column[:count] for name, column in table.items()}, len(table["t"])
 
     def _per_class(self) -> records.Columns:
         """Value and costs of each class, where they were evaluated apart; else no columns."""
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
-        """The `count` costliest steps, truths and estimates, in order, free ones left out."""
+        """Return the `count` costliest steps, truths and estimates, in order, without free ones."""
         per_step = self.table("per_step")
         answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):
@@ -444,7 +444,7 @@ class Evaluation(ABC):
         return records.costliest(table["id"], np.asarray(cost), count)
 
     def to_dict(self) -> records.Json:
-        """The JSON document as plain Python values."""
+        """Return the JSON document as plain Python values."""
         curve = {} if self.curve_bounds is None else {"curve": records.records(self.table("curve"))}
         if self.window_bounds is not None:
             curve["windows"] = records.records(self.table("windows"))
@@ -466,7 +466,7 @@ class Evaluation(ABC):
         }
 
     def _records(self) -> records.Json:
-        """Records by step and by switch."""
+        """Return records by step and by switch."""
         return {
             "per_step": records.records(self.table("per_step")),
             "switches": records.records(self.table("switches")),
@@ -479,7 +479,7 @@ class Evaluation(ABC):
         return {name: part for name, part in parts.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
-        """The numbers as a flat dict of floats, for loggers of experiments.
+        """Return the numbers as a flat dict of floats, for loggers of experiments.
 
         Names are those of the JSON, with a dot between levels: ``tgospa``, ``total``,
         ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
@@ -510,9 +510,9 @@ class Evaluation(ABC):
         return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
-        self, false_targets: float | None = None, score: float = records.USUAL_SCORE
+        self, false_targets: float | None = None, score: float = records.DEFAULT_SCORE
     ) -> records.Similarity:
-        """A score from 0 to 1 of the value per step: 1 is perfect.
+        """Return a score from 0 to 1 of the value per step: 1 is perfect.
 
         Parameters
         ----------
@@ -550,15 +550,15 @@ class Evaluation(ABC):
         )
 
     def to_json(self) -> str:
-        """The JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document: sorted keys, no NaN, full doubles."""
         return records.json_text(self.to_dict())
 
     def quantity(self, value: float, digits: int = 6) -> str:
-        """A value in words, with the unit of the states."""
+        """Format a value with the unit of the states."""
         return number(value, digits) + (f" {self.labels.unit}" if self.labels.unit else "")
 
     def share(self, part: float) -> str:
-        """A cost in percent of the total, in words."""
+        """Format a cost in percent of the total."""
         return f"{100 * part / self.total:.1f} %" if self.total > 0 else "-"
 
     @property
@@ -592,7 +592,7 @@ class Evaluation(ABC):
     per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 
     def frame(self, name: str) -> "pd.DataFrame":
-        """A table as a DataFrame."""
+        """Return a table as a DataFrame."""
         import pandas as pd  # lazy: pandas is slow to import
 
         return pd.DataFrame(self.table(name))

@@ -13,7 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import Columns, Json
 
 Quantity: TypeAlias = Callable[[float], str]
-"""What writes a number with the unit of the states."""
+"""Format of a number with the unit of the states."""
 
 SUMMARY = "summary"
 """Name of the record, and what names of its numbers begin with in rows and rules."""
@@ -33,14 +33,14 @@ NUMBERS = (
 """Names of all numbers, but for those of each axis: ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Those that are shares, of which the largest is the best."""
+"""Numbers that are shares, of which the largest is the best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Those of which the least is the best."""
+"""Numbers of which the smallest is the best."""
 
 POOLED = {
     "detection_rate": "truth_states",
@@ -51,7 +51,7 @@ POOLED = {
 
 
 def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
-    """The numbers of several evaluations together, by their names with dots.
+    """Return the numbers of several evaluations together, by their names with dots.
 
     Rates, RMSE and the mean error are those of all states, everything else is the mean of the
     evaluations in which it is defined.
@@ -153,7 +153,7 @@ class Summary:
 
 
 def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[str, float]]:
-    """The numbers of a summary by names with dots, without those that are not defined."""
+    """Yield the numbers of a summary by names with dots, without those that are not defined."""
     for name, value in numbers.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{before}.{name}")
@@ -162,7 +162,7 @@ def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[st
 
 
 def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity: Quantity) -> str:
-    """The numbers that people ask for first, in one line; `quantity` writes a length."""
+    """Return the most important numbers in one line; `quantity` writes a length."""
     states, rate = numbers["truth_states"], numbers["detection_rate"]
     parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
     if numbers["rmse"] is not None:
@@ -273,7 +273,7 @@ def rows(
 
 
 def finite(numbers: Mapping[str, Any]) -> Json:
-    """The numbers, None for those that overflowed."""
+    """Return the numbers, None for those that overflowed."""
     return {
         name: finite(value)
         if isinstance(value, Mapping)
@@ -290,11 +290,11 @@ def ratio(value: float, by: float) -> float | None:
 
 
 def mean(values: Floats) -> float | None:
-    """The mean of those that are not NaN; None of none."""
+    """Return the mean of those that are not NaN; None of none."""
     known = values[values == values]
     return float(known.mean()) if len(known) else None
 
 
 def root(value: float | None) -> float | None:
-    """The square root; None of None."""
+    """Return the square root; None of None."""
     return None if value is None else math.sqrt(value)

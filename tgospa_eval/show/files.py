@@ -75,7 +75,7 @@ class Kind:
 
 
 WORK_FOLDER = "work"
-"""Where a result of data in parts is made, in its folder: an interrupted run goes on there."""
+"""Folder in which a result of data in parts is made: an interrupted run goes on there."""
 
 WORK_LOG = f"{WORK_FOLDER}/run.json"
 
@@ -249,7 +249,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
 
 
 def _check_name(folder: str, subject: str) -> None:
-    """A folder that is not there yet and is called like a file is a misunderstanding.
+    """Refuse a new folder that is called like a file, which is a misunderstanding.
 
     Raises
     ------
@@ -392,8 +392,8 @@ def check_file(
     subject: str,
     *,
     force: bool,
-    others: Iterable[str] = (),
-    endings: Collection[str] = (),
+    inputs: Iterable[str] = (),
+    suffixes: Collection[str] = (),
 ) -> str:
     """Check that a file may be written there; return its ending.
 
@@ -405,16 +405,16 @@ def check_file(
         What messages begin with; by default the option of the folder.
     force : bool
         Whether it may be there.
-    others : iterable of str
+    inputs : iterable of str
         What is read, or written as well.
-    endings : collection of str
+    suffixes : collection of str
         Those that it may have; any by default.
 
     Raises
     ------
     ConfigError
         A folder or, without `force`, a file of the name is there, or its folder is not; it is one
-        of the `others`, or has another ending.
+        of the `inputs`, or has another ending.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -425,11 +425,11 @@ def check_file(
             )
         if not Path(path).absolute().parent.is_dir():
             raise ConfigError(f"{subject} {path}: there is no such folder; make it first")
-    if any(os.path.realpath(path) == os.path.realpath(other) for other in others):
+    if any(os.path.realpath(path) == os.path.realpath(other) for other in inputs):
         raise ConfigError(f"{subject} {path}: is read or written otherwise; name another file")
     ending = os.path.splitext(path)[1].casefold()
-    if endings and ending not in endings:
-        raise ConfigError(f"{subject} {path}: must end in {', '.join(endings)}")
+    if suffixes and ending not in suffixes:
+        raise ConfigError(f"{subject} {path}: must end in {', '.join(suffixes)}")
     return ending
 
 
@@ -445,7 +445,7 @@ def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, forc
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
-    """The pictures of a result folder; see `pictures`."""
+    """Return the pictures of a result folder; see `pictures`."""
     parts = " in parts" if isinstance(result, PartitionedResult) else ""
     return pictures(f"result{parts}", result, *wanted)
 
@@ -473,7 +473,7 @@ LONGEST_NAME = 200
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
-    """The files of a proof folder, or of one for each class, by path in it.
+    """Return the files of a proof folder, or of one for each class, by path in it.
 
     Parameters
     ----------
@@ -521,7 +521,7 @@ def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[st
 
 
 def folder_name(name: str) -> str:
-    """A name of the user's as that of a folder in a folder; different names stay different."""
+    """Make a name of the user the name of a folder; different names stay different."""
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
@@ -601,7 +601,7 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
 
 
 def _feature(kind: str, places: list[list[float]], **properties: object) -> Json:
-    """A point, or a line of several places; lines that cross the date line are parted there."""
+    """Return a point, or a line of several places; lines are split at the date line."""
     if len(places) == 1:
         shape: Json = {"type": "Point", "coordinates": places[0]}
     else:
@@ -662,7 +662,7 @@ def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -
 
 
 def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """The error of each assigned pair, a line from the truth to the estimate."""
+    """Yield the error of each assigned pair, a line from the truth to the estimate."""
     problem = result.proof.states.problem
     entry = read_assigned(result.proof.states, result.proof.weights).entry
     table = result.table("assignments")

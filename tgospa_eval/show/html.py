@@ -63,11 +63,11 @@ PLAIN = 300_000
 """Bytes of arrays that are too few to be deflated."""
 
 DISTANCE = "distance of assigned pairs"
-"""What localisation is, which has no count."""
+"""Explanation of localisation, which has no count."""
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
-    """The whole page.
+    """Return the whole page.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
 
 
 def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
-    """The page of an association, with the same views.
+    """Return the page of an association, with the same views.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "parts": _parts(result),
         "each": {name: result.quantity(value) for name, value in result.normalised.items()},
         "classes": result_text.class_table(result),
-        "others": result_text.other_table(result.with_),
+        "other_metrics": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
         "about_slices": list(result_text.about_slices(result.slicings, certified=result.certified)),
         "summary": rendering.Table(
@@ -174,7 +174,7 @@ def template(name: str) -> jinja2.Template:
 
 
 def still_page(name: str, more_style: str = "", **values: object) -> str:
-    """A page without a script, from its template; `more_style` goes with the style of all pages."""
+    """Return a page without a script, by its template; `more_style` follows the common style."""
     style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
     return as_unicode(template(name).render(style=style, **values))
 
@@ -186,12 +186,12 @@ def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
 
 
 def inlined(name: str) -> str:
-    """The text of a file beside the templates, as it stands."""
+    """Return the text of a file beside the templates, as it stands."""
     return Path(__file__).with_name("page").joinpath(name).read_text(encoding="utf-8")
 
 
 def packed(arrays: dict[str, Ints]) -> str:
-    """The arrays one after the other as base64 text.
+    """Encode the arrays one after the other as base64 text.
 
     Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
     what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
@@ -235,7 +235,7 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
 
 
 def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> dict[str, str]:
-    """A record as lines of text, nested names joined by a slash."""
+    """Return a record as lines of text, nested names joined by a slash."""
     lines: dict[str, str] = {}
     for name, value in record.items():
         if isinstance(value, dict):
@@ -257,13 +257,13 @@ def card(result: Evaluation) -> str:
         *result.messages,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
-        *filter(None, [result.not_judged]),
+        *filter(None, [result.exclusions]),
     ]
     return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
 def document_page(document: rendering.Document, kind: str, subject: Any, *, draws: bool) -> str:
-    """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
+    """Return a report as a page, with pictures of a kind in `CHARTS` if it draws any."""
     shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
     return still_page("document.html.j2", document=document, version=__version__, images=named)
@@ -278,22 +278,22 @@ def document_page(document: rendering.Document, kind: str, subject: Any, *, draw
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of parameters."""
 
-MOST_GROUPS = 40
-MOST_FAULTS = 50
+MAX_GROUPS = 40
+MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Most that are compared each with each; of more every one is with the next."""
+"""Estimates that are compared each with each, at most; of more every one is with the next."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
-    """The whole page, with curves if it draws any."""
+    """Return the whole page, with curves if it draws any."""
     rows, ranked = tables.rows, tables.rankings
     # Of several sets of parameters none is that of the batch.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
-    runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
+    runs = sorted({count for _, curve in tables.plotted_curves for count in curve.runs})
     return still_page(
         "batch.html.j2",
         _shades(),
@@ -307,20 +307,20 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
         unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
         rankings=[_ranking(tables, one) for one in ranked],
         parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
-        groups=tables.shown_groups[:MOST_GROUPS],
+        groups=tables.shown_groups[:MAX_GROUPS],
         common=any(one.jobs < one.all_jobs for one in ranked),
-        others=list(batch.other_tables(tables)),
-        about_others=list(batch.about_others(tables)),
+        other_metrics=list(batch.other_tables(tables)),
+        about_other_metrics=list(batch.about_other_metrics(tables)),
         slices=list(batch.slice_tables(tables)),
         about_slices=list(batch.about_slices_of(tables)),
         images=list(images("page of a batch", tables, draws=draws).values()),
-        curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
-        least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+        curves_shown=len({curve.name for _, curve in tables.plotted_curves}),
+        fewest_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
         runs=counted(max(runs, default=0), "run"),
         bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
         curve_groups=len({curve.name for curve in tables.curves}),
         costliest=list(_costliest(tables, valued)),
-        faults=_rows(failed.head(MOST_FAULTS)),
+        faults=_rows(failed.head(MAX_FAULTS)),
         per_step=_per_step,
         settings=_settings(tables),
     )
@@ -353,7 +353,7 @@ def _source(tables: batch.BatchTables) -> tuple[str, str]:
 
 
 def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
-    """The answer."""
+    """Return the headline."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
@@ -365,7 +365,7 @@ def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
 
 
 def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
-    """A ranking in words, with the places of brackets and intervals on a common scale."""
+    """Return a ranking in words, with brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
         name, per_step = entry["name"], batch.bracket(entry, "per_step")
@@ -418,7 +418,7 @@ def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
 def _costliest(
     tables: batch.BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
-    """The jobs with the largest cost per step, of each set of parameters by themselves."""
+    """Yield the jobs with the largest cost per step, of each set of parameters."""
     if len(valued) < 2:
         return
     each = valued["total"] / valued["judged.steps"].clip(lower=1)
@@ -438,7 +438,7 @@ def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
 
 
 def _per_step(row: "pd.Series[Any]") -> Interval:
-    """The bracket of the value per step of a job."""
+    """Return the bracket of the value per step of a job."""
     steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
     return Interval(
         lower=(float(row["total_lower"]) / steps) ** power,
@@ -447,7 +447,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """Inputs and settings of the evaluation, a line each."""
+    """Return inputs and settings of the evaluation, a line each."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:

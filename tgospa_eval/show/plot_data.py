@@ -27,7 +27,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPREAD, Columns, Json, Time, costliest
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.time_axis import TimeAxis, moments, readable
+from tgospa_eval.show.time_axis import TimeAxis, describe_times, readable
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
@@ -61,10 +61,10 @@ TIME = "t"
 """The time as an axis of the plane."""
 
 FARTHEST = 1e300
-"""Of what is drawn in the plane: matplotlib takes differences of coordinates."""
+"""Largest coordinate in the plane: matplotlib takes differences of coordinates."""
 
 FARTHEST_LEVEL = 1 << 29
-"""Of what is drawn on the page: differences of two fit into 32 bits."""
+"""Largest level on the page: differences of two fit into 32 bits."""
 
 PARTICLES = 100_000
 """Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
@@ -79,10 +79,10 @@ NONE, FREE = -1, -2
 """No other: missed or false, and what is not judged and costs nothing."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
-"""What a track of either side costs where it is unassigned."""
+"""Cost of a track of either side where it is unassigned."""
 
 RUN = ("track", "begin", "end", "other")
-"""What there is of each stretch of one assignment."""
+"""Fields of each stretch of one assignment."""
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
@@ -109,7 +109,7 @@ def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tupl
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DrawnSide:
+class SideData:
     """The tracks of one side.
 
     Parameters
@@ -135,7 +135,7 @@ class DrawnSide:
 
     @cached_property
     def ids(self) -> list[str]:
-        """With the class in front where classes are evaluated apart."""
+        """Ids of the tracks, with the class in front where classes are evaluated separately."""
         ids, classes = self.table["id"], self.table.get("class")
         return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
 
@@ -167,8 +167,8 @@ class PlotData:
 
     document: Json
     arrays: dict[str, Ints]
-    truth: DrawnSide
-    estimate: DrawnSide
+    truth: SideData
+    estimate: SideData
     about: str
 
     @cached_property
@@ -177,7 +177,7 @@ class PlotData:
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
-    def sides(self) -> tuple[DrawnSide, DrawnSide]:
+    def sides(self) -> tuple[SideData, SideData]:
         """Truth and estimate."""
         return self.truth, self.estimate
 
@@ -211,7 +211,7 @@ _MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
 
 
 def plot_data(result: Evaluation | Pairing) -> PlotData:
-    """Data that page and pictures draw, made once for each result."""
+    """Return the data that page and pictures draw, made once for each result."""
     if result not in _MADE:
         if isinstance(result, Pairing):
             _MADE[result] = _association_data(result)
@@ -221,21 +221,21 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 
 
 def _result_data(result: Evaluation) -> PlotData:
-    """Data for the page and pictures of a result.
+    """Return the data for the page and pictures of a result.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
     whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
     parts = [part for part in whole if isinstance(part, PairEvaluation)]
     columns = parts[0].proof.compared.columns if parts else ()
-    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    stretches = len(result.labels.times) if parts else MAX_STRETCHES
     data = over_time(result, stretches) | {
         "switches": _switches(parts),
         "repairs": _repairs(result),
     }
     if result.window_bounds is not None:
         data["windows"] = _windows(result, result.window_bounds)
-    return drawn_data(
+    return data_of_sides(
         {name: _joined(parts, name, len(columns)) for name in KINDS},
         columns,
         {name: _tracks(result, name) for name in KINDS},
@@ -250,7 +250,7 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 
 
 def _association_data(pairing: Pairing) -> PlotData:
-    """Data to draw an association: its sides as truth and estimate, costs of order 1.
+    """Return data to draw an association: sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
     """
@@ -263,43 +263,47 @@ def _association_data(pairing: Pairing) -> PlotData:
     for (name, kind), side, other, partner, distance in zip(
         KINDS.items(), sides, sides[::-1], pairing.partners, pairing.partings, strict=True
     ):
-        alone, track = partner == NONE, side.track.astype(np.int64)
-        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
-        rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
-        rows["error"] = np.where(alone, 1.0, distance / pairing.cutoff)
+        lone, track = partner == NONE, side.track.astype(np.int64)
+        rows: Rows = {
+            "track": track,
+            "step": side.step.astype(np.int64),
+            "shared": lone & False,
+        }
+        rows["other"] = np.where(lone, NONE, np.append(other.track, 0)[partner])
+        rows["error"] = np.where(lone, 1.0, distance / pairing.cutoff)
         if name == "truth" and pairing.gates is not None:
             rows["gate"] = pairing.gates
         rows = by_track(rows, side.state, side.second_moments, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
-        lost = alone * pairing.cutoff / 2
+        lost = lone * pairing.cutoff / 2
         values = {"localisation": distance, "unassigned": lost, "total": distance + lost}
-        values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
+        values |= {"unassigned_count": lone, "steps": np.ones(len(track))}
         sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
         tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
         parts = {"localisation": distance, kind: lost}
         costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
-        counts[kind] = np.bincount(side.step, alone, steps).astype(float)
+        counts[kind] = np.bincount(side.step, lone, steps).astype(float)
     lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
     lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
     times = readable(pairing.first.shown.tolist())
     document: Json = {"words": WORDS, "parts": list(costs), "cutoff": pairing.cutoff, "order": 1.0}
-    document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
+    document |= {"unit": "", "together": 1, "times": times, "axis": describe_times(times)}
     for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
         document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
     document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
     document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
     about = f"c = {pairing.cutoff:g}, {pairing.distance.name}"
-    return drawn_data(given, pairing.first.columns, tables, document, about)
+    return data_of_sides(given, pairing.first.columns, tables, document, about)
 
 
-def drawn_data(
+def data_of_sides(
     given: Mapping[str, tuple[Rows, Sequence[Clouds]]],
     columns: Sequence[str],
     tables: Mapping[str, Columns],
     document: Json,
     about: str,
 ) -> PlotData:
-    """Data to draw the rows of both sides; their clouds lie one behind the other.
+    """Return data to draw the rows of both sides; their clouds lie one behind the other.
 
     `tables` are those of the tracks; `document` says what is drawn over time.
     """
@@ -310,7 +314,7 @@ def drawn_data(
     spread = described([side["spread"] for side in rows.values()], stride)
     count = sum(len(cloud) for _, clouds in given.values() for cloud in clouds)
     every = stride * max(1, -(-count // (stride * PARTICLES // FEWEST)))
-    sides: dict[str, DrawnSide] = {}
+    sides: dict[str, SideData] = {}
     arrays: dict[str, Ints] = {}
 
     def coded(state: Floats, axis: int) -> Ints:
@@ -323,10 +327,8 @@ def drawn_data(
         run: Rows = {c: side[c][opens] for c in ("track", "other", "unjudged") if c in side}
         run |= {"begin": side["step"][opens], "end": side["step"][closes]}
         row = {column: values[keep] for column, values in side.items()}
-        particles = drawn_particles(row, given[name][1], every, len(columns))
-        sides[name] = DrawnSide(
-            name=name, table=tables[name], run=run, row=row, particles=particles
-        )
+        particles = shown_particles(row, given[name][1], every, len(columns))
+        sides[name] = SideData(name=name, table=tables[name], run=run, row=row, particles=particles)
         arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
         if "unjudged" in run and run["unjudged"].any():
             arrays[f"{name}/run/unjudged"] = run["unjudged"].astype(np.int64)
@@ -376,7 +378,7 @@ def drawn_data(
     return PlotData(document=data, arrays=arrays, about=about, **sides)
 
 
-def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
+def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
     """Particles of the clouds at every `every`-th step.
 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
@@ -527,7 +529,7 @@ def _thinned(
     """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
-        kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
+        kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
         # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
@@ -536,7 +538,7 @@ def _thinned(
         stride += -(-stride // 4)
 
 
-def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
+def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
@@ -558,7 +560,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
 
 
 def _tracks(result: Evaluation, side: str) -> Columns:
-    """The columns of a table of tracks by the same names for both sides, with the total.
+    """Return the columns of a table of tracks, named alike for both sides, with the total.
 
     Of data in parts the costliest tracks.
     """
@@ -584,7 +586,7 @@ def _tracks(result: Evaluation, side: str) -> Columns:
 
 
 def _switches(parts: list[PairEvaluation]) -> Columns:
-    """The table of switches with numbers of steps and tracks."""
+    """Return the table of switches with numbers of steps and tracks."""
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
@@ -698,7 +700,7 @@ def deviations(variances: Floats) -> Floats:
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
-MOST_STRETCHES = 600
+MAX_STRETCHES = 600
 """Stretches of steps that are drawn of data in parts."""
 
 SHOWN_ROWS = 20
@@ -737,9 +739,9 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
-def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
     """First step and costliest step of each of at most so many bins of equal length."""
-    together = max(1, -(-len(total) // most))
+    together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
     padded[: len(total)] = total
@@ -760,7 +762,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """Data over time of at most so many stretches of steps: means, and the curve at their ends."""
+    """Return means over at most so many stretches of steps, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)
@@ -786,7 +788,7 @@ def over_time(result: Evaluation, stretches: int) -> Json:
             "counts": {name: count[worst].tolist() for name, count in counts.items()},
         },
         "times": times,
-        "axis": moments(times),
+        "axis": describe_times(times),
         "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
         **({"nees": _consistency(result, split, first)} if NEES in split else {}),
         "counts": {name: mean(count) for name, count in counts.items()},

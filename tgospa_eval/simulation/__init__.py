@@ -62,8 +62,8 @@ class Scene:
         ):
             if value not in known:
                 raise ConfigError(f"{name} is {quoted(value)}: must be one of {', '.join(known)}")
-        for name, least in (("targets", 0), ("steps", 1), ("particles", 1)):
-            whole_number(name, getattr(self, name), least, LARGEST_COUNT)
+        for name, minimum in (("targets", 0), ("steps", 1), ("particles", 1)):
+            whole_number(name, getattr(self, name), minimum, LARGEST_COUNT)
         if self.targets * self.steps > LARGEST_COUNT:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
@@ -77,7 +77,7 @@ ERROR_RANGES = {
     **dict.fromkeys(("detection", "merges", "swaps", "fragmentation"), (0.0, 1.0)),
     "false_rate": (0.0, 1e6),
 }
-"""Least and most of errors that are real numbers."""
+"""Limits of errors that are real numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +224,7 @@ def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Float
 def _trajectories(
     states: Floats, scene: Scene, tracker: Tracker, decimals: int, before: int
 ) -> Trajectories:
-    """Rounded and named; boxes from centre and size to corner and size."""
+    """Round and name trajectories; boxes go from centre and size to corner and size."""
     columns = COLUMNS[scene.state]
     covariance = None
     if states.shape[2] == len(columns) + 3:
@@ -246,7 +246,9 @@ def _trajectories(
 
 def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
     """Check that these fields are real numbers within their limits."""
-    for name, (least, most) in ranges.items():
+    for name, (minimum, maximum) in ranges.items():
         value = real_number(option(name), getattr(record, name))
-        if not least <= value <= most:
-            raise ConfigError(f"{option(name)} is {value:g}: must be from {least:g} to {most:g}")
+        if not minimum <= value <= maximum:
+            raise ConfigError(
+                f"{option(name)} is {value:g}: must be from {minimum:g} to {maximum:g}"
+            )

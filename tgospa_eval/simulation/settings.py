@@ -17,7 +17,7 @@ from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
 
 DECIMALS = 5
-"""Of positions: machines whose sums differ in the last digit still make the same files."""
+"""Decimals of positions: machines whose sums differ in the last digit make the same files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +150,7 @@ def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
     back = np.linalg.inv(motion)
     root = np.sqrt(setting.motion) * np.linalg.cholesky(np.array([[1 / 3, 1 / 2], [1 / 2, 1]]))
 
-    def drawn() -> Floats:
+    def sample() -> Floats:
         """Random change of position and velocity of each target and coordinate, (m, 2, 2)."""
         return np.asarray(rng.standard_normal((count, 2, 2)) @ root.T)
 
@@ -158,8 +158,8 @@ def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
     start[..., 0] += setting.centre
     forward, backward = [start], [start]
     for _ in range(setting.steps - middle):
-        forward.append(forward[-1] @ motion.T + drawn())
-        backward.append((backward[-1] + drawn()) @ back.T)
+        forward.append(forward[-1] @ motion.T + sample())
+        backward.append((backward[-1] + sample()) @ back.T)
     states: Floats = np.array(backward[:0:-1] + forward)[..., 0]
     for target, (first, last) in enumerate(setting.alive):
         states[: first - 1, target] = states[last:, target] = np.nan
@@ -180,7 +180,7 @@ DEFAULT_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "fals
 
 
 def default_tracker(area: float, errors: dict[str, Any]) -> Tracker:
-    """A tracker with these errors, the others as usual in a square of this side.
+    """Return a tracker with these errors, the others by default in a square of this side.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def simulate(
     seed: int = 0,
     **errors: Any,
 ) -> tuple[Trajectories, Trajectories]:
-    """A ground truth and a tracker's estimate of it, as ``tgospa-eval simulate`` makes them.
+    """Make a ground truth and a tracker's estimate of it, as ``tgospa-eval simulate`` does.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, contradiction, unlike
+from tgospa_eval.results.saved import EVALUATED_ON, NEES_RECORD, PARAMETERS, contradiction, unlike
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import (
@@ -197,7 +197,7 @@ from it, the split, `lower_bound`; those of classes under `by_class`), `options`
 `parameters` that change the number, `judged`, the `version` of the program, and `labels`; and of
 earlier nights the values, the newest first, under `nights`."""
 
-MOST_NIGHTS = 10
+MAX_NIGHTS = 10
 """Values that an entry keeps at most."""
 
 
@@ -245,7 +245,7 @@ def with_nights(entry: Json, before: Json | None) -> Json:
     if incomparable({"now": entry["judged"], "before": before["judged"]}):
         return entry
     same = entry["estimate_sha256"] and entry["estimate_sha256"] == before.get("estimate_sha256")
-    nights = nights_of(before)[1 if same else 0 :][: MOST_NIGHTS - 1]
+    nights = nights_of(before)[1 if same else 0 :][: MAX_NIGHTS - 1]
     return entry | ({"nights": nights} if nights else {})
 
 
@@ -317,7 +317,7 @@ def value_at(values: Json, path: str) -> Any:
 
 
 CHANGED = "not judged on the same"
-"""How notes about truths begin."""
+"""Beginning of notes about truths."""
 
 
 def differences(entry: Json, now: Measured) -> list[str]:
@@ -328,7 +328,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     old = entry["judged"]
     wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
-    # Where the estimate has no say in it, somebody changed the truth.
+    # On these grids the steps do not depend on the estimate: the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
             old[name] == now.evaluated_on[name] for name in JUDGED_FIELDS if name != "truth_sha256"
@@ -371,7 +371,7 @@ def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | 
 
 
 CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
-"""What git writes where two branches changed the same lines, with the lines of either side."""
+"""Text of git where two branches changed the same lines, with the lines of either side."""
 
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
@@ -438,7 +438,7 @@ BASELINE = {
             "nights": Maybe([VALUES]),
             "options": {...: ANYTHING},
             "parameters": PARAMETERS,
-            "judged": JUDGED,
+            "judged": EVALUATED_ON,
             "estimate_sha256": Maybe(TEXT),
             "version": TEXT,
             "labels": Maybe({...: TEXT}),

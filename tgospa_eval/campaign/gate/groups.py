@@ -45,7 +45,7 @@ from tgospa_eval.results.summary import names_summary
 from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
-"""With fewer nothing is inferred."""
+"""Runs below which nothing is inferred."""
 
 OF_ALL = 0.8
 """Share of the error of a rule that is for all groups together."""
@@ -53,8 +53,8 @@ OF_ALL = 0.8
 SHOWN = 5
 """Names of runs in a sentence."""
 
-LEAST_STATES = 10
-"""Of a truth of which a run that misses many, not all, can be dead."""
+MIN_STATES = 10
+"""States of a truth from which a run that misses many, not all, can be dead."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
@@ -109,7 +109,7 @@ class SceneRuns:
         for name, one, p in zip(self.names, self.now, p_values, strict=True):
             states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
             limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
-            if missed.lower > limit and (one.silent or states >= LEAST_STATES):
+            if missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
                     f"{name}: is dead: it misses {missed.lower:g} of {states} states of the truth"
                     f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
@@ -211,7 +211,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # Those that Holm's method does not reject share what is left.
+    # Tests that Holm's method does not reject share the rest of the error.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -432,7 +432,7 @@ class Stratum:
         """Estimated variance of the excess."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        # Pooled: a side may be of one run.
+        # The variance is pooled, as a side may have a single run.
         squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
         count = len(self.now)
         return squares / self.freedom * count * (1 + count / len(self.allowed))
@@ -533,7 +533,7 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # What is seen is in few runs: as a change of all of them it would be noticed.
+                # A change of all runs would be noticed, so this one is in few runs.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
@@ -655,14 +655,14 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# Whether runs with other seeds support that a sum has grown beyond a limit.
+# Tests by runs with other seeds that a sum has grown beyond a limit.
 #
 # Runs are stratified: a stratum is one scene, and its runs differ in their seed alone. Under the
 # hypothesis that the tracker is just as the limit allows, old and new values of a seed can be
 # exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). Where the seeds
 # are others than before, all runs of a stratum can be exchanged (Pitman 1937). The statistic is the
 # sum over all strata of what is above the limit, as a share of the mean of the stratum: noise grows
-# with the cost of a scene, and the dearest scene is not to drown the others. Scenes are weighted by
+# with the cost of a scene, and the costliest scene must not hide the others. Scenes are weighted by
 # the inverse of the variance of these shares, moderated as for jumps. No exchange changes means or
 # weights.
 

@@ -197,7 +197,7 @@ def judge_pairs(
     """Return the outcomes of all groups and pairs, or of an update of the baseline."""
     _check_options(gate, path)
     groups = tables_of(gate, pairs, groups)
-    if gate.group is not None:  # whose rules are those of the command line
+    if gate.group is not None:  # such groups have the rules of the command line
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     single = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if single and old and ONLY_PAIR not in old:
@@ -215,7 +215,7 @@ def judge_pairs(
         for pair in pairs
         if not pair.fault
         for rules_of_pair in [rules_of(gate, pair, baseline=bool(path), default=not groups)]
-    }  # wrong ones before any work
+    }  # wrong rules are errors before any work
     if gate.update_baseline:
         return _updated(gate, pairs, groups, path, old, evaluated, source)
     outcomes = _judge_all(pairs, groups, path, old, rules, evaluated, source, strict=gate.strict)

@@ -33,7 +33,7 @@ PRIOR = 10.0
 """Degrees of freedom that the scatter of other scenes counts for."""
 
 MIN_SCATTER = 0.05
-"""Of logarithms: runs without random numbers do not make any change a jump."""
+"""Scatter of logarithms: runs without random numbers do not make any change a jump."""
 
 SMALLEST = 0.01
 """Share of the mean of a scene that is added to each value: some cost nothing."""

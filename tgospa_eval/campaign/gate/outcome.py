@@ -17,8 +17,8 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.rules import (
     BY_CLASS,
-    JUDGED,
     OF_NEES,
+    RULE_VALUES,
     STATUS,
     Finding,
     Inference,
@@ -165,7 +165,7 @@ class Report:
     @property
     def verdict(self) -> Verdict:
         """The verdict that decides the exit status."""
-        status = self.status  # of all pairs: once
+        status = self.status  # it depends on all pairs, so it is computed once
         verdicts = [one.verdict for one in self.outcomes if one.status == status]
         passes = Verdict.NOISE in verdicts or Verdict.PASS in verdicts
         return Verdict.PASS if passes else verdicts[0]
@@ -284,7 +284,7 @@ def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
-    values = {path: (value_at(before, path), value_at(after, path)) for path in JUDGED}
+    values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
     for inner in sorted({*old, *new}):
@@ -444,14 +444,14 @@ def of_its_runs(
         if worse and len(sums_of_kind) > 1:
             shown = [
                 f"{name} {now / base - 1:+.1%}" if base else name
-                for name in worse[:MOST_WORST]
+                for name in worse[:MAX_WORST]
                 for now, base in [sums_of_kind[name]]
             ]
             notes.append(f"worst {kind}: {', '.join(shown)}")
     return replace(one, notes=(*one.notes, *notes))
 
 
-MOST_WORST = 3
+MAX_WORST = 3
 """Scenes and runs of a group that are named."""
 
 

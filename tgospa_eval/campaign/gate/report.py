@@ -20,7 +20,7 @@ from tgospa_eval.text import clipped, ending, listed, option, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
-"""Of the columns: pair, rule, three numbers, verdict."""
+"""Widths of the columns: pair, rule, three numbers, verdict."""
 
 
 def title(outcome: PairOutcome) -> str:
@@ -56,7 +56,7 @@ def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool
 
 
 UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
-"""Of values that are marked."""
+"""Note on values that are marked."""
 
 LIMITS = ("baseline", "limit", "now")
 
@@ -74,7 +74,7 @@ def rows_of(
             yield outcome, path, change, "", True
         for finding in outcome.findings:
             base = None if finding.rule.absolute else finding.base
-            # The bound that decides.
+            # The bound on which the verdict depends.
             first = (finding.verdict is Verdict.FAIL) is not finding.rule.is_minimum
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
@@ -91,7 +91,7 @@ def table(report: Report, width: int = rendering.WIDTH) -> str:
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
     shown = all_rows
-    if len(all_rows) > MANY_ROWS:  # of an update the totals
+    if len(all_rows) > MANY_ROWS:  # an update shows the totals only
         shown = [row for row in all_rows if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
@@ -153,7 +153,7 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Within their parts as well: names such as run-01-of-the-suite.
+        # Names such as run-01-of-the-suite share the ends of their parts as well.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -229,7 +229,7 @@ def json_report(report: Report) -> str:
 
 
 OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
-"""What the JSON has of a pair as it is."""
+"""Fields of a pair that the JSON has as they are."""
 
 
 def _pair(outcome: PairOutcome) -> Json:
@@ -348,11 +348,11 @@ GATE_REPORTS = {
     "json": json_report,
     "markdown": markdown,
 }
-"""What ``--format`` of the gate prints, by name."""
+"""Reports of the gate, by the name of ``--format``."""
 
 
 # -------------------------------------------------------------------------------------------------
-# What a gate found for GitHub Actions: annotations and the step summary, within GitHub's limits.
+# Report for GitHub Actions: annotations and the step summary, within GitHub's limits.
 #
 # Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
 
@@ -427,7 +427,7 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command is there, wherever the rest is cut, unless it takes the place of all else.
+    # The command is always included, unless it would leave no room for anything else.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(CUT.encode()) + len(END) + len(advice)
@@ -448,7 +448,7 @@ END = b"\n</details>\n"
 
 
 # -------------------------------------------------------------------------------------------------
-# What a gate found as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
+# Report as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
 #
 # A rule that is broken is a failure, what could not be judged an error; a warning passes with a
 # text.
@@ -509,7 +509,7 @@ def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
         seconds = 0.0 if place else outcome.seconds
-        # Without the limit: a case keeps its history where that changes.
+        # The name has no limit in it, so that a case keeps its history when the limit changes.
         rule = finding.rule
         kind = (
             (" min" if rule.is_minimum else " max") if rule.absolute else " less" * rule.is_minimum

@@ -23,7 +23,7 @@ SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
 """Values of the assigned pairs of one optimal assignment; classes have none."""
 
-JUDGED = (*PROVEN, *SPLIT, *OF_NEES)
+RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
 """All that a rule can name, but for those of classes."""
 
 
@@ -34,13 +34,13 @@ def is_beside(path: str) -> bool:
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
+"""Ends of a path, the longer of two first: ``counts.missed`` before ``missed``."""
 
 TOLERANCE = 1e-6
-"""Of rules on the split: in counts, or in units of c^p."""
+"""Tolerance of rules on the split: in counts, or in units of c^p."""
 
-LEAST_SLACK = 1e-9
-"""Least slack of the default rule, in units of c^p."""
+MIN_SLACK = 1e-9
+"""Smallest slack of the default rule, in units of c^p."""
 
 NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
@@ -167,7 +167,7 @@ class Rule:
         return limit
 
 
-DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=LEAST_SLACK)
+DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
 """The rule that holds where none is given."""
 
 
@@ -412,8 +412,8 @@ def _not_negative(text: str) -> float | None:
 
 
 def _path(path: str, name: str, text: str) -> str:
-    if not names_summary(path) and not any(value in JUDGED for _, value in meanings(path)):
-        there = NUMBERS if path.startswith(f"{SUMMARY}.") else JUDGED
+    if not names_summary(path) and not any(value in RULE_VALUES for _, value in meanings(path)):
+        there = NUMBERS if path.startswith(f"{SUMMARY}.") else RULE_VALUES
         raise ConfigError(
             f"{option(name)} {quoted(text)}: {quoted(path)} cannot be judged; there are "
             f"{', '.join(there)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on; "

@@ -32,7 +32,7 @@ OF_RESULTS = {
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
-# Those that only this verb has are not read from settings files, which are those of all verbs.
+# Options that only this verb has are not read from settings files, which all verbs share.
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",

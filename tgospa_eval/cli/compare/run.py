@@ -40,7 +40,7 @@ MakeSolvers = Callable[..., list[Solver]]
 """`make_solvers` of what was asked for; gets the default names and temperatures."""
 
 TEMPERATURES = "0.1,0.05,0.03,0.01"
-"""Of sinkhorn where none are given."""
+"""Temperatures of sinkhorn where none are given."""
 
 
 def show(
@@ -88,7 +88,7 @@ def show(
     try:
         with shielded():
             emit(render(answer, output.format_, output.columns_of_table), output.format_)
-    finally:  # the one is not lost where the other fails
+    finally:  # a fault of one does not lose the other
         write_output(output, kind, make)
 
 

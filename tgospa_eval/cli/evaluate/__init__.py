@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
 from tgospa_eval.errors import ExitStatus
 
-ALONE = (
+FOR_PARTS = (
     "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
     "for many evaluations: tgospa-eval batch"
 )
@@ -112,7 +112,7 @@ def command(
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     if chosen.scheduler is not None:
-        raise click.UsageError(ALONE)
+        raise click.UsageError(FOR_PARTS)
     if sweep:
         from tgospa_eval.cli.evaluate.sweep import sweep_files
 

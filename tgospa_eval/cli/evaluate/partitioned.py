@@ -96,7 +96,7 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# The folder of what is known on the way: found again by the same command, gone at its end.
+# The folder of intermediate work: the same command finds it again and removes it at its end.
 
 
 @contextmanager
@@ -121,8 +121,8 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         over = False
         try:
             yield work.absolute()  # workers of a cluster have other folders of their own
-            over = not interrupted()  # or the result was not written
-        except InputError:  # nothing to go on with, once the data are right
+            over = not interrupted()  # otherwise the result was not written
+        except InputError:  # the work is useless once the data are corrected
             over = not (work / SCANNED).exists()
             raise
         except MemoryTooSmallError:
@@ -132,7 +132,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             if over:
                 _remove(work)
     if over and work.exists():
-        _remove(work)  # Windows keeps a file that is open
+        _remove(work)  # Windows does not remove an open file
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:

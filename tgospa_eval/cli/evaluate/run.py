@@ -49,7 +49,7 @@ def evaluate_files(
     resolved = resolve_request(options)
     wanted = None
     if output.output is not None:
-        # Here: only where there is a folder.
+        # lazy: only a folder needs it
         from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
         wanted = probed_folder(options, output)
@@ -73,7 +73,7 @@ def evaluate_files(
 
 
 # -------------------------------------------------------------------------------------------------
-# ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
+# Repairs of a result, tried and proven, for ``--explain`` and the verb `explain`.
 
 
 def explained(result: Evaluation, output: OutputOptions, top: int | None = None) -> "Explanation":
@@ -124,7 +124,7 @@ def show(
             from tgospa_eval.cli.shared.writing import write_folder  # lazy: only where asked for
 
             write_folder(result, options, output, names)
-    except ConfigError:  # a full disk must not cost what was computed
+    except ConfigError:  # a full disk must not lose the computed result
         _print(result, output)
         raise
     with shielded():

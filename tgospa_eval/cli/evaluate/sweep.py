@@ -35,7 +35,7 @@ SWEPT = {
     "switch-penalty": "switch_penalty",
     "rho": "rho",
 }
-MOST_VALUES = 1000
+MAX_VALUES = 1000
 """Values of one sweep."""
 
 FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
@@ -117,9 +117,9 @@ def _range(text: str, parts: list[str]) -> list[float]:
         raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
     low, high = (_number(text, part) for part in parts[:2])
     count = parsed_whole(parts[2]) or 0
-    if not 2 <= count <= MOST_VALUES:
+    if not 2 <= count <= MAX_VALUES:
         raise ConfigError(
-            f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST_VALUES}"
+            f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MAX_VALUES}"
         )
     if not low < high:
         raise ConfigError(f"--sweep {quoted(text)}: FROM must be less than TO")

@@ -83,7 +83,7 @@ def side_option(name: str, side: str) -> Option:
 
 
 OPTIONS = options_of(Request)
-"""Of the fields of `Request`, by their names in a settings file."""
+"""Options of the fields of `Request`, by their names in a settings file."""
 
 EVALUATION = tuple(OPTIONS[about.key] for about in OPTION_SPECS.values() if about.everywhere)
 
@@ -92,7 +92,7 @@ WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
 BY_OF_SETTINGS = option(
     "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
 )
-"""Of verbs that take all rows together: a settings file may have it."""
+"""Option of verbs that take all rows together: a settings file may have it."""
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
@@ -100,7 +100,7 @@ REDUCTION = tuple(
     for item in PARTICLES
     if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
-"""How clouds are reduced; without defaults, to see what was given."""
+"""Options of the reduction of clouds; without defaults, to see what was given."""
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -142,10 +142,10 @@ PICTURE_OPTIONS = (
         show_default="the first two columns",
     ),
 )
-"""Of the pictures in a folder."""
+"""Options of the pictures in a folder."""
 
 PICTURES = PICTURE_OPTIONS[:2]
-"""Of all pictures, whatever they are of."""
+"""Options of all pictures."""
 
 STYLE = PICTURES[1]
 
@@ -175,7 +175,7 @@ COLUMNS_OF_TABLE = Option(
     section="Output",
     show_default="those that say something",
 )
-"""Of the table of a study."""
+"""Option of the table of a study."""
 
 OUTPUT = (
     report_format(csv="csv (the costs of each step)", more=("methods",)),
@@ -218,14 +218,14 @@ SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *(item.key for item in EVALUATION if item.section == "Solver"),
 )
-"""What a verb that solves nothing does without."""
+"""Options that a verb without a solver does not have."""
 
 READING = (
     *(item for item in EVALUATION if item.key not in SOLVING_KEYS and item not in PARTICLES),
     CONFIG_FILE,
     QUIET,
 )
-"""Of everything that reads two files and measures distances."""
+"""Options of everything that reads two files and measures distances."""
 
 
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:

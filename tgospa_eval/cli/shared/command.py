@@ -45,16 +45,16 @@ KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 
 TRUSTED_KEYS: set[str] = set()
-"""Those that a configuration file may set which was only found: what is evaluated."""
+"""Settings of the evaluation, which a configuration file may set that the user did not name."""
 
 PREFIX = "TGOSPA_EVAL_"
-"""How the variables of options begin."""
+"""Beginning of the variables of options."""
 
 TARGET = "tgospa_eval.target"
-"""Under this name the context keeps the target that judges: its configuration alone is read."""
+"""Key of the context for the target that judges: its configuration alone is read."""
 
 IGNORED = "tgospa_eval.ignored"
-"""Under this name the context keeps the variables that count for nothing then."""
+"""Key of the context for the variables that count for nothing then."""
 
 WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
 """Options that the environment sets although a target judges: none changes a number."""
@@ -238,7 +238,7 @@ def tell_settings(ctx: click.Context) -> None:
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
     if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
-        ctx.meta[CONFIG] = None  # an error of an option says it no second time
+        ctx.meta[CONFIG] = None  # errors of options then do not name it a second time
 
 
 def tell_variables(command: click.Command) -> None:
@@ -283,7 +283,7 @@ def typed_options(ctx: click.Context) -> set[str]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Help in sections, and what to type instead of what nobody understands.
+# Help in sections, and suggestions for unknown words.
 
 SECTIONS = (
     "Batch",
@@ -328,7 +328,7 @@ OPTION_WORDS = {
     "--quiet": "silent no-progress",
     "--verbose": "debug log",
 }
-"""What people type for an option, where no name of one is like it."""
+"""Words that people type for an option, where no name of one is like them."""
 
 SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""

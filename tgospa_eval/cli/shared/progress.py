@@ -32,13 +32,13 @@ SILENT = 2.0
 """Seconds before anything is shown."""
 
 LINE_WIDTH = 79
-"""Of a line, which must not wrap."""
+"""Width of a line, which must not wrap."""
 
-LEAST_DIGITS, MOST_DIGITS = 5, 9
+MIN_DIGITS, MAX_DIGITS = 5, 9
 """Digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
-"""Where nobody looks on: seconds before the first line, and at most between two; after the first
+"""Seconds before the first line, and at most between two, where no terminal is; after the first
 each comes when twice as much time has passed."""
 
 
@@ -163,7 +163,7 @@ class Display:
             self.shown = False
 
     def _write(self, text: str) -> None:
-        with suppress(OSError, ValueError):  # a stderr that is gone changes nothing
+        with suppress(OSError, ValueError):  # a closed stderr is no error
             sys.stderr.write(text)
             sys.stderr.flush()
 
@@ -190,10 +190,10 @@ def _is_near(progress: Progress) -> bool:
 
 def bracket(lower: float, upper: float) -> str:
     """Return the bounds in as many digits as distinguish them, rounded outward."""
-    digits = LEAST_DIGITS
+    digits = MIN_DIGITS
     if 0 < lower < upper < math.inf:
         digits = min(
-            max(LEAST_DIGITS, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST_DIGITS
+            max(MIN_DIGITS, 2 + math.floor(math.log10(upper / (upper - lower)))), MAX_DIGITS
         )
     return (
         f"{_rounded(lower, digits, math.floor)} <= TGOSPA <= {_rounded(upper, digits, math.ceil)}"

@@ -155,7 +155,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         },
     },
 }
-"""By verb and task the options of the first screen, by their names in a settings file."""
+"""Options of the first screen by verb and task, by their names in a settings file."""
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:

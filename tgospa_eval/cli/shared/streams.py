@@ -151,7 +151,7 @@ def emit(text: str, format: str = "table") -> None:
         It cannot be written.
     """
     if format == "json":
-        # The two that `json` leaves: delete, and commands of CI systems within a line.
+        # `json` does not escape these two: delete, and commands of CI systems within a line.
         text = text.replace("\x7f", "\\u007f").replace("##", "#\\u0023")
     elif format != "colours" and (format != "csv" or _is_watched()):
         text = visible_lines(text)

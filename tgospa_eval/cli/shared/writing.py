@@ -61,7 +61,7 @@ def write_output(
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(written)
-    if had_proof and not os.path.isdir(proof):  # others may have been told of it
+    if had_proof and not os.path.isdir(proof):  # others may refer to it
         print_notice(f"{proof} of the run before is removed; --proof writes that of this one")
 
 
@@ -78,12 +78,12 @@ def _made(
 
     try:
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
-    except KeyboardInterrupt:  # what is known is printed all the same
+    except KeyboardInterrupt:  # the result is printed all the same
         return None
 
 
 # -------------------------------------------------------------------------------------------------
-# What is asked for of the folder of a result, and the result into it.
+# Requested parts of the folder of a result, and the result into it.
 
 
 def probed_folder(

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.request import EvaluationRequest
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
 def diagnose(
     sides: "AlignedPair", request: "EvaluationRequest", *, sound: bool = False
 ) -> list[Notice]:
@@ -53,7 +53,7 @@ def diagnose(
         Whether it is known that nothing is wrong with clocks and states.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.held is not None:  # what is compared are reports, at their stamps
+    if aligned.held is not None:  # reports are compared, at their stamps
         for (truth, reports), _ in itertools.islice(aligned.held.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
@@ -234,13 +234,13 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
 
 
 MULTIPLE = 3
-"""Of the median error: of normal errors in a plane 99.8 % are below that."""
+"""Factor of the median error: of normal errors in a plane 99.8 % are below that."""
 
 FOLLOWED = 0.75
 """Share of truths that must have an estimate so near, for the median to be that of errors."""
 
 LARGEST_MEDIAN = 1e300
-"""Of a median: multiples are still numbers."""
+"""Largest median of which multiples are still numbers."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of what is suggested."""
@@ -259,7 +259,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     if not len(near):
         return None
     middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
-    # What belongs to a truth is nearer to it than to the next one.
+    # An estimate of a truth is nearer to it than to the next truth.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
     cutoff = _rounded_up(MULTIPLE * middle)
@@ -290,7 +290,7 @@ SAMPLED_STEPS = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 PAIRS_AT_ONCE = 1 << 13
-"""Of these, whose distances are computed together: they stay in the cache."""
+"""Pairs whose distances are computed together: they stay in the cache."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

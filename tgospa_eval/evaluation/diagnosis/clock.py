@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 SAME = 0.01
-"""Of the time between moments of the truth: what is closer to one of them is there."""
+"""Share of the time between moments of the truth: closer times count as one of them."""
 
 TIMELINE = 300_000
 """States and moments of the truth that are looked at, those on lines included."""
@@ -178,10 +178,10 @@ PROMISING = 0.4
 """Share of the largest gain from which on a shift is made finer."""
 
 HALVINGS = 7
-"""Of the time between moments, to the finest difference of shifts."""
+"""Halvings of the time between moments, to the finest difference of shifts."""
 
 DOUBLINGS = 5
-"""Of that time, to the largest difference of shifts that are compared around the best one."""
+"""Doublings of that time, to the largest difference of shifts compared around the best one."""
 
 STRETCHES = 20
 """Stretches of the recording whose gains are compared."""
@@ -199,7 +199,7 @@ ROBUST = 16.0
 """Times the median of (d / c)^p of pairs: those farther apart say little of small shifts."""
 
 MIN_ERROR = 1 / 400
-"""Of (d / c)^p: errors that are smaller are taken to be as large."""
+"""Smallest (d / c)^p: smaller errors count as this."""
 
 ENOUGH_NEAR = 1 / 3
 """Share of the pairs that there could be, that must be near."""
@@ -232,7 +232,7 @@ class Fit:
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
         saved = np.bincount(step, gain, minlength=self.costs.steps)
-        return np.asarray(saved, np.float64)  # integers where there is none
+        return np.asarray(saved, np.float64)  # integers without pairs
 
     @property
     def sharpest(self) -> float:
@@ -334,7 +334,7 @@ class Search:
         self.timestamps, self.parameters, self.distance = timestamps, parameters, distance
         self.steps = self._sampled()
         self.rows = StepRows.of(self.estimate, self.steps)
-        self._fits = dict[tuple[float, float], Fit]()  # several ways lead to most shifts
+        self._fits = dict[tuple[float, float], Fit]()  # most shifts are tried several times
 
     def _sampled(self) -> Ints:
         """Return steps of the estimate that have rows, evenly spread."""
@@ -476,7 +476,7 @@ class Search:
                 varied = speeds - speed
                 power = float(np.square(varied).sum())
                 if not power > VARIED * float(np.square(speeds).sum()):
-                    return None  # all go one way: the two are one
+                    return None  # all move alike: shift and displacement cannot be separated
                 change = float((varied * (errors - mean)).sum()) / power
                 left = errors - mean - change * varied
                 noise = float(np.square(left).sum()) / max(left.size - left.shape[1] - 1, 1)
@@ -613,10 +613,10 @@ COMMON_SHARE = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
 
 NEARLY = 0.01
-"""Of the median step: unmatched stamps that are closer are probably meant to be the same."""
+"""Share of the median step: unmatched stamps that are closer are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
-"""What stamps beside seconds may be counted in, by the power of ten that makes seconds of them."""
+"""Units of stamps beside seconds, by the power of ten that makes seconds of them."""
 
 WORTH = 0.5
 """Share of the cost that another clock must save to be warned of."""
@@ -634,7 +634,7 @@ MINUTE = 60
 """Seconds: an offset that is less certain is not taken for whole hours."""
 
 HOURS = 14
-"""By which time zones differ, at most."""
+"""Hours by which time zones differ, at most."""
 
 RATES = 3.0
 """Rates of two files differ by no more where only the unit of their stamps does."""
@@ -684,9 +684,9 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
-    if matching.grid == "common":  # of two rates the lower one may be wholly in the other
+    if matching.grid == "common":  # stamps of the lower rate may all be stamps of the higher one
         steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
-    if outages is not None and outages.counted:  # which has a warning of its own
+    if outages is not None and outages.counted:  # outages have a warning of their own
         steps -= len(outages.ticks)
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None

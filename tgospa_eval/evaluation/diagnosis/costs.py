@@ -67,7 +67,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         is_best = np.ones(len(left), bool)
         of = [numbers[left] for numbers in rows]
         for mine, numbers in zip(first, of, strict=True):
-            mine[numbers[::-1]] = place[::-1]  # what is written last stays
+            mine[numbers[::-1]] = place[::-1]  # the last of equal numbers is kept
             is_best &= mine[numbers] == place
         turn[left[is_best]] = turn.max() + 1
         for flags, numbers in zip(is_taken, of, strict=True):
@@ -75,7 +75,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
     taken = ranked(turn, gain)
     step = objects[0][rows[0][taken]]
-    total = np.bincount(step, gain[taken], minlength=steps)  # integers where there is none
+    total = np.bincount(step, gain[taken], minlength=steps)  # integers without pairs
     return np.asarray(total, np.float64), turn
 
 
@@ -86,7 +86,7 @@ def ranked(turn: Ints, gain: Floats) -> Ints:
 
 
 # -------------------------------------------------------------------------------------------------
-# Which steps are looked at, and the rows of a side that they have.
+# Sampled steps, and the rows of a side at them.
 
 SAMPLE = 100
 """Steps that are looked at."""
@@ -191,7 +191,7 @@ FEWEST_TRACKS = 3
 error."""
 
 NOTABLE_COST = 1e-3
-"""Of the cost of leaving all unassigned: less makes no warning, but about rounding."""
+"""Share of the cost of leaving all unassigned: less makes no warning, but about rounding."""
 
 CHEAPER = 2 / 3
 """Share of the steps that a change must improve: a late start makes one step costly, not most."""

@@ -77,7 +77,7 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Whether truths and estimates are near each other more often than by chance.
+# Tests that truths and estimates are near each other more often than by chance.
 
 SOME = 0.35
 """Share of the pairs that there could be from which on chance is not asked."""
@@ -93,7 +93,7 @@ HARDLY = 1.5
 displaced leave the scene; sound ones save more than that, if their noise is below the cutoff."""
 
 LITTLE = 0.005
-"""Of the most that could be saved: some pairs are near for long, for they go the same way."""
+"""Share of the possible saving: some pairs stay near for long, as they go the same way."""
 
 MOVES = (3.0, 6.0)
 """Cutoffs by which estimates are displaced along a line, either way."""
@@ -196,7 +196,7 @@ FACTORS = {
     1 / 0.3048: ("feet", "metres"),
     180 / np.pi: ("degrees", "radians"),
 }
-"""How many of a unit make another one: what the coordinates of one file may be off by."""
+"""Factors between units, by which the coordinates of one file may be off."""
 
 FEWEST_PAIRS = 6
 """Pairs that must be near after a change for it to be believed, more of a fitted offset."""
@@ -251,7 +251,7 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
     if not saved or len(there.taken) < fewest:
         return 0.0
     if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-        # Whatever shrinks comes near to truths at the origin.
+        # Shrinking moves any estimate near to truths at the origin.
         origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
         if origin.upper.sum() < 2 * there.upper.sum():
             return 0.0
@@ -274,7 +274,7 @@ def state_warnings(sample: Sample) -> list[Notice]:
     best = _best(sample, _linear(sample)) if sample.is_bad else None
     best = best or _best(sample, _displaced(sample), FITTED)
     suspicious = best is not None or few_are_near(sample.here)
-    if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
+    if suspicious and len(sample.steps) >= FIRST_STEPS:  # more steps must confirm it
         sample = sample.larger
         saved = _saved_by(best[1], sample) if best else 0.0
         best = (saved, best[1]) if best and saved else None
@@ -323,7 +323,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # which angles have not
+            way = option("unit_scale", value)  # angles have no such option
             if angles or names != lengths:
                 way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
@@ -409,7 +409,7 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
-        return  # no distance of differences
+        return  # differences have no such distance
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
