@@ -62,7 +62,7 @@ class Pool(Protocol):
 
     @property
     def died(self) -> bool:
-        """Whether a worker has died, so that another pool is needed."""
+        """True if a worker has died, so that another pool is needed."""
 
     def workers(self) -> int:
         """Return how many jobs are worked on at once."""
@@ -130,7 +130,7 @@ def _until_one_dies(
     ahead: int,
     separate: bool,
 ) -> Iterator[R]:
-    """Answers of the jobs that wait, until a worker dies or none is left."""
+    """Yield answers of the jobs that wait, until a worker dies or none is left."""
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
     broken = False
@@ -242,7 +242,7 @@ class Local:
             return future.result()
 
     def poll(self) -> None:
-        """Nothing to see: a process that dies ends its futures."""
+        """Do nothing: a process that dies ends its futures."""
 
     @contextmanager
     def _reported_when_dead(self) -> Iterator[None]:
@@ -265,7 +265,7 @@ def _begin_trackers() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
+    """Let Ctrl-C wait; processes that begin meanwhile never get any: their parent does."""
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
         return
@@ -454,7 +454,7 @@ class Remote:
         self._is_reported = self.died = False
 
     def workers(self) -> int:
-        """Threads of all workers, as of the last second."""
+        """Return threads of all workers, as of the last second."""
         if time.monotonic() - self._counted > POLL:
             with self._lost_reported():
                 self._threads = sum(self.client.nthreads().values())
@@ -520,7 +520,7 @@ class Remote:
             ) from None
 
     def close(self) -> None:
-        """Leave; what is not begun is begun no more."""
+        """Leave the cluster; work that is not begun is dropped."""
         with suppress(OSError, RuntimeError):
             self.client.close()
 

@@ -66,7 +66,7 @@ def inspect(
 
 
 def _about(reading: Reading) -> Iterator[Notice]:
-    """Warnings about one file by itself."""
+    """Yield warnings about one file by itself."""
     yield from reading.warnings
     count = reading.left_out.get("duplicate", 0)
     if count and not any(notice.code == "duplicates" for notice in reading.warnings):
@@ -126,7 +126,7 @@ def describe(path: str, reading: Reading) -> Json:
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
-    """Rows of each track, and its first and last step."""
+    """Return rows of each track, and its first and last step."""
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
@@ -136,7 +136,7 @@ def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
 
 
 def _longest_hole(side: Trajectories) -> int:
-    """Consecutive steps of the file at which a track is absent, though it exists around them."""
+    """Count consecutive steps of the file at which a track is absent between its ends."""
     order = np.argsort(side.track, kind="stable")
     track, step = side.track[order], side.step[order]
     same = track[1:] == track[:-1]
@@ -144,7 +144,7 @@ def _longest_hole(side: Trajectories) -> int:
 
 
 def _clock(side: Trajectories) -> Json:
-    """First and last stamp as read, and the distances between stamps."""
+    """Return the first and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
     gaps = spread(np.diff(side.times))
@@ -157,7 +157,7 @@ def _clock(side: Trajectories) -> Json:
 
 
 def spread(values: Floats | Ints) -> Json | None:
-    """Smallest, median and largest; None of nothing."""
+    """Return the smallest, median and largest; None of nothing."""
     if not len(values):
         return None
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
@@ -192,13 +192,13 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
 
 
 def _common_range(a: Floats, b: Floats) -> Json | None:
-    """Range in which both have values; None if there is none."""
+    """Return the range in which both have values; None if there is none."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
 
 def _overlap(aligned: Alignment) -> Json | None:
-    """First and last step between which both files have rows; None if there is none."""
+    """Return the first and last step between which both files have rows; None if there is none."""
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
         return None
@@ -213,7 +213,7 @@ def _overlap(aligned: Alignment) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
-    """Distances from truths to the nearest estimate of their step, over steps that both have.
+    """Return distances from truths to the nearest estimate of their step, over common steps.
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.
     """
@@ -282,7 +282,7 @@ def table(document: Json) -> str:
 
 
 def _columns(rows: list[Row]) -> list[str]:
-    """Rows as lines: a cell that is too wide for its column goes on below."""
+    """Return rows as lines: a cell that is too wide for its column goes on below."""
     count = len(rows[0][1])
     room = WIDTH - NAME_WIDTH - 1 - 2 * (count - 1)
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
@@ -348,7 +348,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Lines on how the files fit; `warned` if a warning names the other clock."""
+    """Yield lines on how the files fit; `warned` if a warning names the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -413,7 +413,7 @@ def _shown_clock(clock: Json) -> str:
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Smallest to largest, and the median between them, with a noun or unit."""
+    """Format the range and the median of it, with a noun or unit."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -422,7 +422,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """Shortest and longest step, without the rounding of the stamps."""
+    """Return the shortest and longest step, without the rounding of the stamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]

@@ -141,7 +141,7 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Each state once: pairs by step, with None for the partner of an unassigned one."""
+        """Return each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
@@ -154,13 +154,13 @@ class Pairing:
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """All `pairs`, and whether they were associated."""
+        """Return all `pairs`, and whether they were associated."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
     def cross_covariances_table(self) -> Columns:
-        """Cross-covariance of the particles of each associated pair.
+        """Return the cross-covariance of the particles of each associated pair.
 
         Raises
         ------
@@ -195,7 +195,7 @@ class Pairing:
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Table of rows of both sides and the distances of pairs; None for `NOBODY`."""
+        """Return the table of rows of both sides and the distances of pairs; None for `NOBODY`."""
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
@@ -288,7 +288,7 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
 def _mean_distances(
     first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
 ) -> Floats:
-    """Distances of the means, with the scales and periods of the distance."""
+    """Return distances of the means, with the scales and periods of the distance."""
     means: Distance = Norm(
         name="euclidean",
         power=2.0,

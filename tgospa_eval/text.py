@@ -47,13 +47,13 @@ def visible_lines(text: str) -> str:
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Beginning of the text, all of it visible, with dots for the rest."""
+    """Return the beginning of the text, all of it visible, with dots for the rest."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """End of the text, in which names and paths differ, with dots for the rest."""
+    """Return the end of the text, in which names and paths differ, with dots for the rest."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
@@ -63,7 +63,7 @@ def quoted(text: object) -> str:
 
 
 def listed(texts: Iterable[object], shown: int = LISTED) -> str:
-    """Names with commas between them, each as in `quoted` but for the quotes."""
+    """Return names with commas between them, each as in `quoted` but for the quotes."""
     names = list(texts)
     rest = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(clipped(str(name)) for name in names[:shown]) + rest

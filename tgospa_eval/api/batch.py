@@ -174,15 +174,15 @@ class Batch(StudyReport):
         return batch_report(replace(self.tables, columns=checked_columns(columns)), format)
 
     def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Cost per step of each group, stacked by its parts."""
+        """Plot the cost per step of each group, stacked by its parts."""
         return self._plot("parts", **options)
 
     def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Value per step of each job, by the labels."""
+        """Plot the value per step of each job, by the labels."""
         return self._plot("heat", **options)
 
     def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
-        """RMS-TGOSPA over time of each group, with bands."""
+        """Plot RMS-TGOSPA over time of each group, with bands."""
         return self._plot("curve", **options)
 
     def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -190,7 +190,7 @@ class Batch(StudyReport):
         return self._plot("curve-parts", **options)
 
     def plot_over_time(self, **options: "Unpack[Drawing]") -> "Figure":
-        """RMS-TGOSPA, its parts, GOSPA, cardinality, detection rate and NEES over time."""
+        """Plot RMS-TGOSPA, its parts, GOSPA, cardinality, detection rate and NEES over time."""
         return self._plot("over-time", **options)
 
 
@@ -595,7 +595,7 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
+    """Return the bytes of both files: the largest jobs come first, so that none is the last."""
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 

@@ -93,7 +93,7 @@ class JobTask:
 
     @property
     def is_written(self) -> bool:
-        """Whether the requested folder is there."""
+        """True if the requested folder is there."""
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
@@ -336,7 +336,7 @@ SHOWN = 10.0
 def gate_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
 ) -> Iterator[Row]:
-    """Rows as they are ready: of this process at first, and of several if that takes long.
+    """Yield rows as they are ready: of this process at first, and of several if that takes long.
 
     `notify` gets lines, each with the name of its job.
     """

@@ -117,7 +117,7 @@ def sweep(
     mapping: "Components | None" = None,
     **options: "Unpack[SweepOptions]",
 ) -> Sweep:
-    """TGOSPA over a range of one parameter, each point with proven bounds.
+    """Compute TGOSPA over a range of one parameter, each point with proven bounds.
 
     Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
     else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
@@ -238,19 +238,19 @@ class Compared(StudyReport):
         return re.sub(COMMAND, "", render(self.document, format, checked_columns(columns)))
 
     def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Cost of all steps so far, mean over the runs, a line for each estimate."""
+        """Plot the cost of all steps so far, mean over the runs, a line for each estimate."""
         return self._plot("cumulative", **options)
 
     def plot_time_over_error(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Time and error of each solver."""
+        """Plot time and error of each solver."""
         return self._plot("time_over_error", **options)
 
     def plot_error_over_epsilon(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Errors of the solver sinkhorn by temperature."""
+        """Plot errors of the solver sinkhorn by temperature."""
         return self._plot("error_over_epsilon", **options)
 
     def plot_convergence(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Bounds of the solver sinkhorn while it sweeps."""
+        """Plot bounds of the solver sinkhorn while it sweeps."""
         return self._plot("convergence", **options)
 
 
@@ -330,7 +330,7 @@ def compare(
 
 
 def _named(estimates: object) -> "Mapping[str, Any]":
-    """Estimates, or their runs, by name.
+    """Return estimates, or their runs, by name.
 
     Raises
     ------
@@ -500,7 +500,7 @@ def solvers_on(
     *,
     spare: bool = False,
 ) -> Json:
-    """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
+    """Run several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
     states = solver_runs.takes_long(prepared) if spare else None

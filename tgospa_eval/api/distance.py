@@ -183,7 +183,7 @@ class DistanceOptions:
     def columns(
         requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """State columns to read: those asked for, else those that are needed."""
+        """Return state columns to read: those asked for, else those that are needed."""
         if needed is None or parse_columns(requested)[1]:
             return None if requested is None else tuple(requested)
         return (*(requested or ()), *needed)
@@ -265,7 +265,7 @@ def _with_covariance(distance: Distance, given: "str | ArrayLike", decimal: str)
 def numbers_by_name(
     keyword: str, items: Sequence[str], default: float | None = None
 ) -> dict[str, float]:
-    """Numbers by name of ``name=number,name=number``."""
+    """Return numbers by name of ``name=number,name=number``."""
     numbers: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):
         name, equals, text = (part.strip() for part in item.partition("="))
@@ -284,7 +284,7 @@ def numbers_by_name(
 def _by_column(
     keyword: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
 ) -> tuple[float, ...] | None:
-    """One number for each column, None if none is given."""
+    """Return one number for each column, None if none is given."""
     if not numbers:
         return None
     unknown = [name for name in numbers if name not in columns]

@@ -45,7 +45,7 @@ def evaluate(
     scheduler: str | None = None,
     **options: "Unpack[EvaluateOptions]",
 ) -> Result:
-    """TGOSPA between two sets of trajectories, with proven bounds.
+    """Compute TGOSPA between two sets of trajectories, with proven bounds.
 
     Every option of ``tgospa-eval evaluate`` is a keyword, by its name.
 
@@ -196,7 +196,7 @@ def noticed(
     *,
     sound: bool = False,
 ) -> TrackPair:
-    """Two sides that were read and aligned, with what the user should know of them.
+    """Return two sides that were read and aligned, with notices about them.
 
     `sound` says that nothing is wrong with their clocks and states.
     """
@@ -280,7 +280,7 @@ def evaluate_pair(
 
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
-    """One evaluation for each class, and their sum."""
+    """Evaluate each class, and add them up."""
     # A distance with settings of the data takes them from all classes.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read

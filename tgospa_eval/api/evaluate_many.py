@@ -133,7 +133,7 @@ def evaluate_many(
     jobs: int | None = None,
     **options: "Unpack[EvaluateManyOptions]",
 ) -> Evaluations:
-    """TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
+    """Compute TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
 
     Small pairs are searched, reduced and certified together, which takes a fraction of the time
     of a loop; pairs that need more are evaluated by themselves. Bits are the same.
@@ -206,7 +206,7 @@ Numbers = tuple[Row, tuple[Notice, ...]]
 
 
 def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, Any]]]:
-    """Names of the pairs, and the pairs.
+    """Return names of the pairs, and the pairs.
 
     Raises
     ------
@@ -257,7 +257,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Row and warnings of each of some pairs."""
+    """Return the row and warnings of each of some pairs."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []
@@ -298,7 +298,7 @@ def _of_run(run: str) -> Iterator[None]:
 
 
 def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:
-    """Row and warnings of a pair, which is evaluated by itself if its costs are not known yet."""
+    """Return the row and warnings of a pair, evaluated by itself if its costs are not known yet."""
     warnings, aligned = sides.warnings, sides.fitted.alignment
     if costs is None:
         result = evaluate_sides(resolved, sides, Stopwatch())
@@ -313,7 +313,7 @@ def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -
 
 
 def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:
-    """Each warning once, with the runs that have it."""
+    """Return each warning once, with the runs that have it."""
     kinds: dict[Notice, list[str]] = {}
     for run, notices in each:
         for notice in dict.fromkeys(notices):

@@ -290,7 +290,7 @@ def _evaluated(
     notify: Callable[[str], None],
     run: Run | None,
 ) -> Iterator[judge.Evaluated]:
-    """Pairs of files, read and evaluated, by processes where that takes long."""
+    """Yield pairs of files, read and evaluated, by processes where that takes long."""
     given: dict[str, dict[str, object]] = {}
     tasks: list[JobTask] = []
     waiting: dict[str, Row] = {}
@@ -328,7 +328,7 @@ def _evaluated(
 
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
-    """Options that a baseline has in any case, those that follow from the data included."""
+    """Return options that a baseline has in any case, those that follow from the data included."""
     parameters = json.loads(row["parameters"])
     period = {"period": str(parameters["period"])} if "period" in parameters else {}
     return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
@@ -372,7 +372,7 @@ def _task(
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
-    """Options as a baseline records them: lists as texts, paths relative to its folder.
+    """Return options as a baseline records them: lists as texts, paths relative to its folder.
 
     From another drive there is no path but the whole.
     """
@@ -500,7 +500,7 @@ class GateResult:
 
     @property
     def passed(self) -> bool:
-        """Whether all rules are proven to hold, or the baseline was made."""
+        """True if all rules are proven to hold, or the baseline was made."""
         return self.report.status == 0
 
     @property

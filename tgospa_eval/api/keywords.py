@@ -42,7 +42,7 @@ IN_OBJECTS = {
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Names of the keywords of a function that does without some."""
+    """Return names of the keywords of a function that does without some."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
@@ -175,7 +175,7 @@ def _value(name: str, value: object) -> Any:
 
 
 def _names(name: str, value: object) -> str | tuple[str, ...]:
-    """Several texts, or what the command line takes for such."""
+    """Return several texts, or what the command line takes for such."""
     if isinstance(value, str):
         return (value,) if DEFAULTS[name] == () else value
     texts = tuple(value) if isinstance(value, Iterable) else (value,)

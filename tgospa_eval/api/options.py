@@ -636,7 +636,7 @@ PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
 
 
 def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
-    """Values of fields, of settings of a file by their names in it; `where` begins the messages.
+    """Convert settings of a file by their names to values of fields; `where` begins messages.
 
     Raises
     ------

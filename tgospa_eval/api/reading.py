@@ -91,7 +91,7 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Tables, and folders that are one side, below a folder, by their paths from there."""
+    """Yield tables, and folders that are one side, below a folder, by their paths from there."""
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -171,7 +171,7 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
+    """Return paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}
     for file in files:
@@ -270,7 +270,7 @@ def _read(
     mapping: "Components | None",
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
-    """All sides by one place, with heights where all have some; all faults at once."""
+    """Read all sides by one place, with heights where all have some; all faults at once."""
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
 
@@ -313,7 +313,7 @@ def _brought_together(
     names: tuple[str, ...],
     given: Sequence[object],
 ) -> tuple[Reading, ...]:
-    """Both sides in the same units, clock and frame."""
+    """Return both sides in the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
     sides = in_one_clock(sides)
@@ -339,7 +339,7 @@ def _stays(side: object) -> bool:
 def _converted(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
-    """Both sides, one with the stamps and states that are asked for, if reading left that open."""
+    """Return both sides, one converted to the requested stamps and states, if still needed."""
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
@@ -376,7 +376,7 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Both files without what the rules of a benchmark leave out, if that is asked for.
+    """Return both files without rows that the rules of a benchmark leave out, if requested.
 
     Where it is not, and numbers are asked for that tables have, a warning says so.
 
@@ -441,7 +441,7 @@ def check_sides(
 def align_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[AlignedPair, EvaluationRequest]:
-    """Two sides on the same steps, and what is asked of them.
+    """Return two sides on the same steps, and the request for them.
 
     Raises
     ------

@@ -153,7 +153,7 @@ class Recorder:
         return self._trajectories("estimate", None)
 
     def evaluate(self, **options: "Unpack[RecorderOptions]") -> "Result":
-        """TGOSPA of what was kept.
+        """Compute TGOSPA of the recorded frames.
 
         Parameters
         ----------
@@ -200,14 +200,14 @@ def _kind(spread: object) -> str:
 
 
 def _clouds(clouds: Iterable[Cloud]) -> Clouds:
-    """Points and weights of one or more objects, one behind the other."""
+    """Return points and weights of one or more objects, one behind the other."""
     points, weights = zip(*clouds, strict=True)
     first = np.cumsum([0, *map(len, points)])
     return Clouds(points=np.concatenate(points), weights=np.concatenate(weights), first=first)
 
 
 def _frame(ids: object, states: Any, covariances: object, weights: Any, where: str) -> Frame:
-    """Ids as texts, a copy of the states (n, d), d = 0 if there are none, and what is around."""
+    """Return ids as texts, a copy of the states (n, d), d = 0 if there are none, and spreads."""
     from tgospa_eval.formats.frames import id_text  # lazy: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()

@@ -62,7 +62,7 @@ class Reportable:
         return self.rendered("html")
 
     def _plot(self, name: str, **options: Any) -> "Figure":
-        """One picture, or a message with those that there are."""
+        """Draw one picture, or raise a message with the names of all."""
         from tgospa_eval.show.charts import CHARTS, plot  # lazy: slow to import
 
         if name not in CHARTS[self.kind]:
@@ -123,5 +123,5 @@ class Sweep(SweepEvaluation, Reportable):
         return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
 
     def plot_sweep(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Value, costs and counts over the parameter."""
+        """Plot value, costs and counts over the parameter."""
         return self._plot("sweep", **options)

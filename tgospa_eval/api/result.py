@@ -43,7 +43,7 @@ class Showable(Evaluation, Reportable):
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:
-        """Costs and counts split by attributes of truth and estimate at each step.
+        """Split costs and counts by attributes of truth and estimate at each step.
 
         Localisation errors and misses go by the truth's attribute at the step, false targets by
         the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
@@ -81,7 +81,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Cost of each step, stacked: localisation, missed, false, switch.
+        """Plot the cost of each step, stacked: localisation, missed, false, switch.
 
         Where there are more steps than can be distinguished each bar is the costliest of several,
         and the axis says of how many.
@@ -116,7 +116,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
+        """Plot the normalised cumulative cost: the root of the mean cost of the steps up to each.
 
         The assignment is that of the whole recording, unless the curve was asked for; the last
         value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
@@ -141,7 +141,7 @@ class Showable(Evaluation, Reportable):
         style: str = "screen",
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Trajectories in two of the state columns, with misses, false targets and switches.
+        """Plot trajectories in two of the state columns, with misses, false targets and switches.
 
         Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
         there along few trajectories where the states have such and the two columns show them. A
@@ -169,7 +169,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """NEES of each step with its 95 % band; of particles also the ranks of the truth.
+        """Plot NEES of each step with its 95 % band; of particles also the ranks of the truth.
 
         Errors and return value are those of `plot_costs`.
 
@@ -187,7 +187,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
+        """Plot sliding windows: at the middle of each the root of its mean cost, as in `windows`.
 
         Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
 
@@ -230,7 +230,7 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str) -> Columns: ...
 
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
-        """One row with all numbers, as of a batch; or a table by its name, as plain columns.
+        """Return one row with all numbers, as of a batch; or a table by its name, as plain columns.
 
         Names are those of the DataFrames, and ``"per_class"``; those that were not asked for have
         no columns.
@@ -264,7 +264,7 @@ class Showable(Evaluation, Reportable):
         return page(self)
 
     def to_geojson(self) -> str:
-        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
+        """Return tracks, misses, false targets, errors and switches as GeoJSON, for maps.
 
         Raises
         ------

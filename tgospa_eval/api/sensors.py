@@ -107,7 +107,7 @@ class Association(Pairing):
     def plot_plane(
         self, *, columns: tuple[str, str] | None = None, style: str = "screen"
     ) -> "Figure":
-        """Both sides in two of the state columns, pairs, what stays alone, and gates.
+        """Plot both sides in two of the state columns, pairs, single states, and gates.
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
@@ -138,7 +138,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Options of `associate` as those of a request."""
+    """Return options of `associate` as those of a request."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -193,7 +193,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Sides in the role of estimates, with a Python warning for what looks wrong."""
+    """Read sides in the role of estimates, with a Python warning for what looks wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
@@ -276,7 +276,7 @@ def reduce(
     in_format: str | None = None,
     **options: "Unpack[ReduceOptions]",
 ) -> tuple[Trajectories, "pd.DataFrame"]:
-    """Particle clouds with fewer particles.
+    """Reduce particle clouds to fewer particles.
 
     Every option of ``tgospa-eval reduce`` is a keyword, by its name.
 

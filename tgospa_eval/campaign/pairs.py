@@ -136,7 +136,7 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Values of the truths, estimates with theirs, and notices of what was passed over.
+    """Return values of the truths, estimates with theirs, and notices of what was passed over.
 
     Arguments as of `of_patterns`; a truth without fields is one without values.
     """
@@ -332,7 +332,7 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
 
 
 def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
-    """Frames 1 to seqLength of MOTChallenge's description of a sequence; None if it has none."""
+    """Return frames 1 to seqLength of the description of a sequence; None if it has none."""
     if not os.path.lexists(path):
         return None
     ranges = set()
@@ -353,7 +353,7 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
-    """Frames of some sequences, of lines such as ``0000 empty 000000 000154``.
+    """Return frames of some sequences, of lines such as ``0000 empty 000000 000154``.
 
     The last number is no frame: the sequence 0000 of KITTI has 154, the frames 0 to 153.
     """
@@ -432,7 +432,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Names of the runs, blank of a single one; the truth of each; by name the estimates of each.
+    """Return names of the runs, blank of a single one; the truth of each; estimates by name.
 
     Raises
     ------
@@ -463,7 +463,7 @@ def runs_in_memory(
 
 
 def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
-    """Sides by names that are texts.
+    """Return sides by names that are texts.
 
     Raises
     ------

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 
 
 def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
-    """Each step evaluated by itself, on the problem of a result.
+    """Evaluate each step by itself, on the problem of a result.
 
     Returns
     -------
@@ -324,7 +324,7 @@ def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
 
 
 def steps_columns(entrants: Entrants, best: str) -> Columns:
-    """Costs of each step, run, and estimate, and the differences to the best estimate's.
+    """Return costs of each step, run, and estimate, and the differences to the best estimate's.
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
     """
@@ -567,7 +567,7 @@ FIELDS_SHOWN = {**COMPARED, **BESIDE}
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Other metrics that all results of one run have; and a notice of those that are left out.
+    """Return other metrics that all results of one run have; and a notice of the rest.
 
     Those of several runs are ratios of counts over all of them, and cannot be had from the ratios
     of each.
@@ -690,7 +690,7 @@ Totals = tuple[Floats, Floats, Floats]
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Names, best first, and their totals of each truth, or of each job of one truth."""
+    """Return names, best first, and their totals of each truth, or of each job of one truth."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -701,7 +701,7 @@ def _side_by_side(
 
 
 def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
-    """Totals (names, jobs) and steps (jobs,) added up over the jobs of each truth, if several.
+    """Return totals (names, jobs) and steps (jobs,) added up over the jobs of each truth.
 
     They are in an order that no name of a sequence or run has a part in.
     """
@@ -781,7 +781,7 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Verdicts of all pairs, by their numbers, and places; `same` are those of the same data."""
+    """Return verdicts of all pairs, by their numbers, and places; `same` have the same data."""
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
         for pair in itertools.permutations(range(len(values)), 2)
@@ -790,7 +790,7 @@ def _proven(
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
-    """Brackets of the roots of the sums, divided by something before."""
+    """Return brackets of the roots of the sums, divided by something before."""
     lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
@@ -798,7 +798,7 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
 def _data(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[list[str]], Floats, Floats]:
-    """Digests of the estimates of each, in one order of the jobs, and bounds of their totals."""
+    """Return digests of the estimates of each, in one order of the jobs, and bounds of totals."""
     table = common.set_index(["_pair", column]).sort_index()
     sides = [
         table[end].unstack(column)[list(names)].to_numpy(float).T for end in statistics.TOTAL_ENDS
@@ -817,7 +817,7 @@ def _data(
 def _same(
     names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
 ) -> set[tuple[int, int]]:
-    """Pairs of numbers of those that have the same data, both ways round."""
+    """Return pairs of numbers of those that have the same data, both ways round."""
     brackets = [
         [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
         for ends in zip(lower.tolist(), upper.tolist(), strict=True)
@@ -851,7 +851,7 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Intervals of the values, None of too few truths; those of differences are filled in.
+    """Return intervals of the values, None of too few truths; those of differences are filled in.
 
     Parameters
     ----------
@@ -883,7 +883,7 @@ def _with_intervals(
 
 
 def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
-    """Places by tests of all pairs, None of too few truths; what they say of pairs is filled in.
+    """Rank by tests of all pairs, None of too few truths; results of pairs are filled in.
 
     One is ahead only of those from which it differs significantly. Arguments as of
     `_with_intervals`.

@@ -272,7 +272,7 @@ def part_fault(table: "pa.Table") -> str | None:
 def _contradictions(
     table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
 ) -> Iterator[tuple[int, str]]:
-    """Rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
+    """Yield rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
     parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
     names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
@@ -315,12 +315,12 @@ READ_AS_GIVEN = (
 
 
 def label_names(rows: "pd.DataFrame") -> list[str]:
-    """Names of the labels."""
+    """Return names of the labels."""
     return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
 
 
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Names of labels as columns beside others: one that is called like these keeps ``label.``."""
+    """Return names of labels as columns beside others: one of the same name keeps ``label.``."""
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 

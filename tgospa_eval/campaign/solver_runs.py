@@ -61,7 +61,7 @@ Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 
 
 
 def called(solver: str, epsilon: float | None) -> str:
-    """Solver and temperature, in as many digits as it takes to differ from others."""
+    """Return the name of a solver, with as many digits of its temperature as it needs."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -136,7 +136,7 @@ def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Jso
 
 
 def memory(field: str) -> int | None:
-    """Bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
+    """Return bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
     try:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -172,7 +172,7 @@ def takes_long(prepared: PreparedPair) -> int | None:
 
 
 def check_solvers(solvers: Sequence[Solver]) -> None:
-    """No solver may be there twice with the same settings, and sinkhorn needs its sweeps.
+    """Check that no solver is there twice with the same settings, and sinkhorn has its sweeps.
 
     Raises
     ------
@@ -201,7 +201,7 @@ ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparat
 
 
 def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
-    """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    """Return pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
     proven = [(run["name"], bracket) for run in runs if (bracket := bracket_of(run))]
     return [
         (first, second)
@@ -217,7 +217,7 @@ def referee(runs: Sequence[Json]) -> Interval | None:
 
 
 def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
-    """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    """Bound the relative distances of both ends of a run above and below the total."""
     bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
@@ -386,7 +386,7 @@ def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
 
 
 def _plain(rows: "pd.DataFrame") -> Iterator[Row]:
-    """Rows with None for what is not there."""
+    """Yield rows with None for what is not there."""
     for row in rows.to_dict("records"):
         yield {str(name): value if value == value else None for name, value in row.items()}
 
@@ -468,7 +468,7 @@ class Study:
         }
 
     def wanted(self) -> Iterator[Key]:
-        """Targets, steps and number of each scene: every size once before any a second time."""
+        """Yield targets, steps and number of each scene: every size once, then all again."""
         for run in range(1, self.runs + 1):
             for targets, steps in self.sizes:
                 yield targets, steps, run
@@ -509,7 +509,7 @@ def carry_out(
 
 
 def measure(study: Study, scene: Key) -> list[Row]:
-    """One scene through all solvers; what fails is a row, and does not stop the study."""
+    """Run one scene through all solvers; what fails is a row, and does not stop the study."""
     targets, steps, _ = scene
     rng = np.random.default_rng([study.seed, *scene])
     stopwatch = Stopwatch()
@@ -582,7 +582,7 @@ def _as_run(row: Row) -> Json:
 
 
 def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
-    """All scenes of one size; those whose brackets contradict each other have no part in means."""
+    """Return the record of a size; scenes whose brackets contradict each other are not in means."""
     sound = [runs for runs in scenes if not contradictions(runs)]
     best = [
         min(answered, key=itemgetter("total"))
@@ -613,7 +613,7 @@ def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
 def _solver(
     solver: Solver, scenes: Sequence[Sequence[Json]], sound: Sequence[Sequence[Json]], k: int
 ) -> Json:
-    """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
+    """Return the record of one solver and size; errors against the brackets of all solvers."""
     every = [runs[k] for runs in scenes]
     known = [(runs[k], referee(runs)) for runs in sound if runs[k]["total"] is not None]
     ends = [errors(run, total) for run, total in known]
@@ -637,7 +637,7 @@ def _solver(
 
 
 def spread(values: Iterable[float | None]) -> Json:
-    """Mean, standard deviation (divisor n - 1) and largest of those that are there."""
+    """Return mean, standard deviation (divisor n - 1) and largest of those that are there."""
     numbers = np.array([value for value in values if value is not None], float)
     return {
         "mean": float(numbers.mean()) if len(numbers) else None,

@@ -46,7 +46,7 @@ TOTAL_ENDS = ["total_lower", "total_upper"]
 def intervals(
     lower: Floats, upper: Floats, order: Floats | float, steps: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Intervals of combined values: Student's t of their logarithm, by the jackknife.
+    """Return intervals of combined values: Student's t of their logarithm, by the jackknife.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ FEW_EVENTS = 10
 def rare_intervals(
     lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Intervals of root mean squares, also where few runs have a cost at all.
+    """Return intervals of root mean squares, also where few runs have a cost at all.
 
     Of fewer than `FEW_EVENTS` such runs it is that of their share (Clopper and Pearson 1934) times
     what one costs: the smaller, and the larger, of the mean of these and of `typical`. Coverage by
@@ -152,7 +152,7 @@ def without_each(totals: Floats, order: Floats | float, steps: Floats | None = N
 
 
 def margins(lower: Floats, upper: Floats) -> Floats:
-    """Half widths of intervals of values, by Student's t and the jackknife.
+    """Return half widths of intervals of values, by Student's t and the jackknife.
 
     Parameters
     ----------
@@ -173,14 +173,14 @@ def margins(lower: Floats, upper: Floats) -> Floats:
 
 
 def student(pairs: int) -> float:
-    """Quantile of Student's t, two-sided, of so many pairs."""
+    """Return the quantile of Student's t, two-sided, of so many pairs."""
     from scipy.special import stdtrit  # lazy: slow to import
 
     return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
 
 
 def p_values(lower: Floats, upper: Floats) -> Floats:
-    """Two-sided p values of sums of differences, under flips of their signs.
+    """Return two-sided p values of sums of differences, under flips of their signs.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ are on the side whose sum is tested; 0 for differences of pairs, whose signs can
 
 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
-    """One-sided p values that sums are too large, under all exchanges or, of many, drawn ones.
+    """Return one-sided p values of too large sums, under all exchanges or many random ones.
 
     The statistic is the sum of the first side less that of the other, brought to as many values;
     strata are added up. SciPy has this for one stratum, and without allowance for rounding.
@@ -287,7 +287,7 @@ def permutations_of(pairs: int) -> int:
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """P values adjusted for their number (Holm 1979), with weights if some, in the order given."""
+    """Adjust p values for their number (Holm 1979), with weights if some, in the order given."""
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
     left = np.cumsum(shares[order][::-1])[::-1]
@@ -300,7 +300,7 @@ def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Intervals of the combined values of groups, NaN for those that are too small.
+    """Return intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
     ----------

@@ -194,7 +194,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
 
 
 def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
-    """Jobs whose steps contradict each other or their row, and how."""
+    """Yield jobs whose steps contradict each other or their row, and how."""
     with np.errstate(over="ignore"):
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:
@@ -318,7 +318,7 @@ class Store:
             ) from None
 
     def open(self, settings: Mapping[str, Any]) -> None:
-        """Begin, or go on with the same settings.
+        """Begin a store, or go on with the same settings.
 
         Raises
         ------
@@ -370,7 +370,7 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """One row for each job, done before failed and the last of these, in the order of labels.
+        """Return one row for each job, done before failed and the last of these, by labels.
 
         Raises
         ------

@@ -66,7 +66,7 @@ def metrics_of(columns: Iterable[str]) -> list[str]:
 
 
 def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
-    """Numbers of a group of rows, by the names of their columns.
+    """Return numbers of a group of rows, by the names of their columns.
 
     Matches are counted over all rows, and what is a ratio is one of these sums; costs of GOSPA are
     added. Those of one row are as they are.
@@ -141,7 +141,7 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
 
 
 def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
-    """All tables of a batch: groups, and the order of the values of the first label.
+    """Return all tables of a batch: groups, and the order of the values of the first label.
 
     A group has labels (one that is called like another column keeps its ``label.``), parameters
     that differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there are
@@ -477,7 +477,7 @@ def _curves(
 
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
-    """Cardinality, detection rate and NEES at each time; NaN where there is nothing."""
+    """Return cardinality, detection rate and NEES at each time; NaN where there is nothing."""
     sums = {name: runs.sums(row, carried=False) for name, row in runs.known(store.STATE_COLUMNS)}
     means: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -509,7 +509,7 @@ def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: f
 
 
 def _resampled(costs: Floats) -> Floats:
-    """Means of costs (N, K) of runs that are drawn with replacement, sorted."""
+    """Return sorted means of costs (N, K) of runs that are drawn with replacement."""
     runs, rng = len(costs), np.random.default_rng(BAND_SEED)
     draws = max(1, statistics.NUMBERS_AT_ONCE // runs)
     means = np.concatenate(
@@ -570,7 +570,7 @@ class _Runs:
             self.present = _running(self.place, self.slices, size)
 
     def columns(self, names: Sequence[str]) -> Floats:
-        """Columns (M, R) of the steps."""
+        """Return columns (M, R) of the steps."""
         return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     def known(self, names: Sequence[str]) -> Iterator[tuple[str, Floats]]:
@@ -589,7 +589,7 @@ class _Runs:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """Whether most times within several runs are steps of half of these or fewer."""
+        """True if most times within several runs are steps of half of these or fewer."""
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
         having = np.bincount(self.place, minlength=size)[inside > 1]
@@ -598,7 +598,7 @@ class _Runs:
 
     @property
     def many(self) -> bool:
-        """Whether bands, which take runs by times instead of rows, would take too long."""
+        """True if bands, which take runs by times instead of rows, would take too long."""
         return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
@@ -626,14 +626,14 @@ class _Runs:
         return totals
 
     def rms(self, costs: Floats, *, carried: bool) -> list[float]:
-        """Root mean squares over the runs of costs (R,) at each time."""
+        """Return root mean squares over the runs of costs (R,) at each time."""
         means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
         return [cost ** (1 / self.order) for cost in means.tolist()]
 
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
+        """Return root mean squares of costs (R,) at rows, with the band of costs between bounds."""
         band = None
         if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]

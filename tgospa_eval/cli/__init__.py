@@ -91,7 +91,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
 
 
 def _limit() -> int | None:
-    """Bytes that the process may take, if there is a limit."""
+    """Return bytes that the process may take, if there is a limit."""
     if sys.platform == "win32":
         return None
     import resource

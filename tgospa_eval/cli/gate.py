@@ -199,7 +199,7 @@ def _printed(report: "Report", format: str) -> str:
 
 
 def _publish(gate: GateOptions, report: "Report") -> int:
-    """Files, annotations and step summary; 2 if one cannot be written, else 0.
+    """Write files, annotations and step summary; return 2 if one cannot be written, else 0.
 
     What cannot be written must not cost the report, nor hide a regression.
     """

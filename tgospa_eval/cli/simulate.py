@@ -35,7 +35,7 @@ DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wassers
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
-    """A:B, or one number for both."""
+    """Parse A:B, or one number for both."""
     first, colon, last = text.partition(":")
     shortest, longest = parsed_whole(first), parsed_whole(last if colon else first)
     if shortest is None or longest is None:

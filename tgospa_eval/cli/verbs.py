@@ -59,7 +59,7 @@ class Verbs(click.Group):
     """Finds the verb wherever it stands among the options; without one it is ``evaluate``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Names of the verbs."""
+        """Return names of the verbs."""
         return list(VERBS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
@@ -116,7 +116,7 @@ class Verbs(click.Group):
         return [*verbs, *map(CompletionItem, _files_like(incomplete))]
 
     def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
-        """Position of the first argument that is neither an option nor the value of one."""
+        """Return the position of the first argument that is no option, nor the value of one."""
         if not args[0].startswith("-"):
             return 0
         commands = [self.get_command(ctx, verb) for verb in ("evaluate", "gate")]
@@ -145,7 +145,7 @@ class Verbs(click.Group):
 
 
 def _files_like(begin: str) -> list[str]:
-    """Files in the current folder, as the shell would offer them if there were no verbs.
+    """Return files in the current folder, as the shell would offer them without verbs.
 
     Shells take a name with a blank for several: it is completed from a letter on that no verb has.
     """

@@ -189,7 +189,7 @@ def _check_tables(
 def _differing(
     proven: Mapping[str, object], must: Mapping[str, object]
 ) -> Iterator[tuple[str, object, object]]:
-    """Fields of which the values are not the same, by name, with both."""
+    """Yield fields of which the values are not the same, by name, with both."""
     for name in sorted({*proven, *must}):
         if proven.get(name) != must.get(name):
             yield name, proven.get(name), must.get(name)

@@ -84,7 +84,7 @@ class Axis:
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
-    """Periods of the state columns that wrap around."""
+    """Return periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
     if distance.on_earth:
         periods["lon"] = TURN
@@ -92,7 +92,7 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Differences (N, d), the shorter way round where a component is periodic."""
+    """Return differences (N, d), the shorter way round where a component is periodic."""
     if periods is None:
         return differences
     period = np.asarray(periods, np.float64)
@@ -111,7 +111,7 @@ def on_axis(
     cutoff: float,
     across: str = "",
 ) -> Axis:
-    """Both sides at the steps that are asked for.
+    """Return both sides at the steps that are asked for.
 
     The cutoff says what ends a silence of the estimate, where the truth is interpolated: a false
     alarm does not. `across` marks states of the truth in gaps, as of `tracks.interpolation`.
@@ -214,7 +214,7 @@ def _interpolated(
     cutoff: float,
     across: str,
 ) -> Axis:
-    """One side at the stamps of the other, and the truth's own where the estimate is silent."""
+    """Return one side at the stamps of the other, and the truth's own in outages."""
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
     make = partial(
@@ -270,7 +270,7 @@ def _near(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
-    """Both sides on the steps of either, and the pairs of rows within the cutoff."""
+    """Return both sides on the steps of either, and the pairs of rows within the cutoff."""
     pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
     resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
@@ -285,7 +285,7 @@ def _find_outages(
     matching: TimeMatching,
     names: tuple[str, str],
 ) -> Outages | None:
-    """Intervals between the stamps at which the estimate found a truth.
+    """Return intervals between the stamps at which the estimate found a truth.
 
     From the truth's first stamp to its last, longer than `TimeMatching.outage`, or than `SILENCE`
     median intervals.

@@ -29,7 +29,7 @@ PAIRS_TOGETHER = 1 << 16
 
 
 def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
-    """NEES of each pair of the reported assignment, NaN where its covariance is singular, and sums.
+    """Return NEES of each pair of the assignment, NaN where its covariance is singular, and sums.
 
     The estimate has covariances, or particles.
     """
@@ -69,7 +69,7 @@ def nees_of(
     rows: tuple[Ints, Ints],
     periods: Sequence[float] | None,
 ) -> Floats:
-    """NEES of pairs of rows of truth and estimate, of states and of what is around each."""
+    """Return NEES of pairs of rows of truth and estimate, of states and the spreads around them."""
     packed = spreads[1][rows[1]].T
     if spreads[0] is not None:
         packed = packed + spreads[0][rows[0]].T
@@ -78,7 +78,7 @@ def nees_of(
 
 
 def squared(errors: Floats, factors: Floats) -> Floats:
-    """``e' (L L')^-1 e`` of errors (d, N) and packed lower factors; NaN where L is singular.
+    """Return ``e' (L L')^-1 e`` of errors (d, N) and packed factors; NaN where L is singular.
 
     Also where the value is larger than `LARGEST`.
     """

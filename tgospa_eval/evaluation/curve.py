@@ -72,7 +72,7 @@ class _Listed:
         return cls(which=which[order], key=key[order], steps=steps)
 
     def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """First from a step of each block on, and how many there are up to another."""
+        """Return the first entry from a step of each block on, and their number up to another."""
         block = block * np.int64(self.steps)
         low = np.searchsorted(self.key, block + begin)
         return low, np.searchsorted(self.key, block + end, "right") - low
@@ -182,7 +182,7 @@ class Suffixes:
             self._sides.append((objects, place, members, number))
 
     def groups(self, block: Ints, begin: Ints, end: Ints) -> list[slice]:
-        """Neighbours of which each but the last have SIZE entries, or are a single one."""
+        """Return neighbours of which each but the last have SIZE entries, or are a single one."""
         size = np.cumsum(self._entries.spans(block, begin, end)[1])
         bounds = [0]
         while bounds[-1] < len(block):
@@ -307,7 +307,7 @@ class _Mixed:
         self.second = np.arange(len(other)) + (np.cumsum(of_first) - of_first)[other]
 
     def join(self, first: Ints | Floats, second: Ints | Floats) -> NDArray[Any]:
-        """Values of both."""
+        """Join values of both."""
         joined = np.empty(len(first) + len(second), np.result_type(first, second))
         joined[self.first], joined[self.second] = first, second
         return joined
@@ -468,7 +468,7 @@ class SuffixSolver:
     def _costs(
         self, joint: SuffixProblem, states: States, listed: Ints, weights: Ints
     ) -> tuple[Floats, Floats]:
-        """Cost by kind, and its error, up to each step of each ending."""
+        """Return the cost by kind, and its error, up to each step of each suffix."""
         split = break_down(states, weights)
         # Switches into the first step are from the assignment of the whole before it.
         before = joint.before.weight[listed]
@@ -489,7 +489,7 @@ class SuffixSolver:
     def _lower(
         self, joint: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
     ) -> Floats:
-        """Lower bound up to each step of each ending."""
+        """Return the lower bound up to each step of each suffix."""
         prefixes, slots, before = self.prefixes, states.columns, joint.before
         moves = RowMoves.of(states, offsets(states), prices, since=joint.first[joint.ending] + 1)
         of_row = joint.ending[states.block_begin[states.node_block[moves.rows]]]
@@ -533,7 +533,7 @@ def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
 
 
 def unpaired_by_step(states: States) -> Floats:
-    """Cost at each step of the truths and estimates that are near to none, (2, T)."""
+    """Return the cost at each step of the truths and estimates that are near to none, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
     for own, side in zip(total, problem.sides, strict=True):
@@ -544,7 +544,7 @@ def unpaired_by_step(states: States) -> Floats:
 
 
 def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
+    """Return the lower bound of each block, (B,), of objects and steps with a near pair only."""
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
@@ -801,7 +801,7 @@ def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[In
 def _of_blocks(
     states: States, weights: Ints, prices: Floats, reduced: tuple[Reduced, ...], block: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Costs by kind, lower bound and error of whole blocks."""
+    """Return costs by kind, lower bound and error of whole blocks."""
     if not len(block):
         return np.zeros((4, 0)), np.zeros(0), np.zeros(0)
     cells = Cells.of_blocks(states)
@@ -813,7 +813,7 @@ def _of_blocks(
 def _solved(
     stretches: SeparateStretches, solver: Certified, limit: Limit
 ) -> tuple[Floats, Floats, Floats]:
-    """Costs by kind, lower bound and error, as narrow as asked if time allows."""
+    """Return costs by kind, lower bound and error, as narrow as requested if time allows."""
     known = stretches.of_whole()
     parts, lower, error = known
     cost = parts.sum(axis=0)

@@ -130,7 +130,7 @@ class Ignoring:
 
     @property
     def gaps(self) -> bool:
-        """Whether gaps of an interpolated truth are ignored."""
+        """True if gaps of an interpolated truth are ignored."""
         return GAPS in self.texts
 
     @property
@@ -140,7 +140,7 @@ class Ignoring:
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Both sides with the marks that follow from what the files say.
+        """Return both sides with the marks that follow from what the files say.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class Ignoring:
         return replace(self, conditions=tuple(conditions)), absent
 
     def marked(self, side: Reading, role: str, name: str) -> Reading:
-        """One side with the marks that follow from what its file says.
+        """Return one side with the marks that follow from what its file says.
 
         Raises
         ------
@@ -268,7 +268,7 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
 
 
 def _rules(text: str) -> list[str]:
-    """One rule or several: ``class=Van,Person,marked`` has two, as a list of a settings file has.
+    """Split rules: ``class=Van,Person,marked`` has two, as a list of a settings file has.
 
     What is no rule of itself is another value of the one before.
     """

@@ -151,7 +151,7 @@ class JoinedPairs:
         )
 
     def sound(self) -> Mask:
-        """Pairs in which `diagnose` sees nothing wrong with clocks and states; others may be well.
+        """Return a mask of pairs in which `diagnose` sees nothing wrong; others may be well.
 
         Its first tests, on the same steps of all pairs at once. What is near a limit is not sound.
         """
@@ -182,7 +182,7 @@ class JoinedPairs:
         return sound & ~self._moved(here, looked_at[0], steps, pair)
 
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
-        """Pairs whose differences of near states may mostly be one and the same."""
+        """Return a mask of pairs whose near states may mostly differ by one displacement."""
         first, second = (
             side.side.state[side.row[rows[here.taken]]]
             for side, rows in zip(looked_at, here.rows, strict=True)
@@ -198,7 +198,7 @@ class JoinedPairs:
         return displaced
 
     def _moved(self, here: StepCosts, truth: StepRows, steps: Ints, pair: Ints) -> Mask:
-        """Pairs that may fit better one step earlier or later."""
+        """Return a mask of pairs that may fit better one step earlier or later."""
         count, ways = len(self.steps) - 1, len(MOVES)
         moved = (steps + MOVES).clip(self.steps[pair], self.steps[pair + 1] - 1)
         truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, ways))
@@ -221,7 +221,7 @@ class JoinedPairs:
         return better
 
     def costs(self) -> Iterator[Costs | None]:
-        """Bounds and breakdown of each, those of an evaluation by itself to the last bit.
+        """Yield bounds and breakdown of each, those of an evaluation by itself to the last bit.
 
         None of a pair that has to be evaluated by itself: it has costs that need another cutoff, or
         is not solved by what all are solved by.
@@ -247,7 +247,7 @@ class JoinedPairs:
             yield costs if proven else None
 
     def _solve(self) -> tuple[Floats, Floats, Mask]:
-        """Weights (S,) and prices (K,), and which pairs have to be evaluated by themselves."""
+        """Return weights (S,) and prices (K,), and a mask of pairs to be evaluated separately."""
         states, price = self.states, self.parameters.switch_price
         weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
         separate, highest = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
@@ -317,7 +317,7 @@ class JoinedPairs:
 
 
 def _medians(values: Floats, group: Ints, count: int) -> Floats:
-    """Median of the values of each group, 1 of none."""
+    """Return the median of the values of each group, 1 of none."""
     order = np.lexsort((values, group))
     first = np.searchsorted(group[order], np.arange(count + 1))
     size, ordered = np.diff(first), np.append(values[order], 1.0)
@@ -326,7 +326,7 @@ def _medians(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _significances(values: Floats, group: Ints, count: int) -> Floats:
-    """`significance` of the values of each group, which come in order."""
+    """Return `significance` of the values of each group, which come in order."""
     size = np.bincount(group, minlength=count)
     parts = np.minimum(size, STRETCHES)
     of = np.arange(count).repeat(parts)

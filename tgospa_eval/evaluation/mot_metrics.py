@@ -73,7 +73,7 @@ class SimilarPairs:
     lengths: tuple[Ints, Ints]
 
     def cells(self) -> Ints:
-        """One number for each pair of tracks: that of its place in a matrix of all."""
+        """Return one number for each pair of tracks: that of its place in a matrix of all."""
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
@@ -90,7 +90,7 @@ class SimilarPairs:
         )
 
     def disputed(self) -> Iterator[tuple[slice, tuple[Ints, Ints], Floats]]:
-        """Pairs, places and a matrix of zeros of each step where a state is in several pairs."""
+        """Yield pairs, places and a matrix of zeros for steps where a state is in several pairs."""
         several = np.zeros(len(self.step), bool)
         for place, size in zip(self.place, self.sizes, strict=True):
             state = (np.cumsum(size) - size)[self.step] + place
@@ -103,7 +103,7 @@ class SimilarPairs:
 
 
 def hota(pairs: SimilarPairs) -> Sums:
-    """HOTA: matches at every threshold, of one assignment that prefers tracks that go together."""
+    """Compute HOTA: matches at every threshold, of one assignment that prefers joint tracks."""
     similarity = pairs.similarity
     union = similarity.copy()  # pairs without rivals have s + s - s
     for part, at, matrix in pairs.disputed():
@@ -142,7 +142,7 @@ def hota(pairs: SimilarPairs) -> Sums:
 
 
 def clear(pairs: SimilarPairs) -> Sums:
-    """CLEAR: an assignment step by step, which keeps the matches of the step before."""
+    """Compute CLEAR: an assignment step by step, which keeps the matches of the step before."""
     sizes, lengths = pairs.sizes, pairs.lengths
     pairs = pairs.near(THRESHOLD - TRACKEVAL_EPS)
     both = sizes.all(axis=0)
@@ -177,7 +177,7 @@ def clear(pairs: SimilarPairs) -> Sums:
 
 
 def identity(pairs: SimilarPairs) -> Sums:
-    """Identity: the assignment of whole tracks that shares most steps.
+    """Compute identity metrics: the assignment of whole tracks that shares most steps.
 
     Each truth has an estimate of its own beside the others, with which it shares nothing.
     """
@@ -220,7 +220,7 @@ def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
 
 
 def finished(name: str, sums: Mapping[str, Any]) -> Sums:
-    """Numbers of `METRIC_FIELDS` that follow from the sums, and these."""
+    """Return numbers of `METRIC_FIELDS` that follow from the sums, and these."""
 
     def ratio(number: Any, *parts: Any) -> Any:
         return number / np.maximum(1.0, sum(parts))
@@ -255,7 +255,7 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 
 
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
-    """Pairs of the assignment with the largest score at each step.
+    """Return a mask of the assignment with the largest score at each step.
 
     `score` is that of the pairs of a step, > 0, from what is taken before; [-1] of that is False.
     """
@@ -273,7 +273,7 @@ def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Ma
 
 
 def _by_step(step: Ints, values: Floats) -> np.float64:
-    """Sum of the sums of the steps, each one after the other."""
+    """Return the sum of the sums of the steps, each one after the other."""
     total: np.float64 = np.bincount(step, values, 1).cumsum()[-1]
     return total
 

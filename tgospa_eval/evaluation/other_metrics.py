@@ -89,7 +89,7 @@ class ComputedMetrics:
 
 
 def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
-    """Other metrics in the form in which they can be joined, but for GOSPA.
+    """Return other metrics in the form in which they can be joined, but for GOSPA.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def other_metrics(
     resources: Resources,
     proof: PairProof | None = None,
 ) -> ComputedMetrics:
-    """Metrics by name, of two sides as they are compared.
+    """Return metrics by name, of two sides as they are compared.
 
     Where states are not judged, those of similarities are without them: see `problem.solution`.
 
@@ -201,7 +201,7 @@ def _gospa(prepared: PreparedPair) -> dict[str, float]:
 def _similar_pairs(
     sides: Sides, distance: Distance, zero: float, resources: Resources, held: Held | None
 ) -> SimilarPairs:
-    """All pairs with a similarity above 0; tracks without a row do not count.
+    """Return all pairs with a similarity above 0; tracks without a row do not count.
 
     Their places are in the order of the files, which decides where sums are equal.
     """

@@ -92,7 +92,7 @@ class PairEvaluation(Evaluation):
 
     @cached_property
     def is_unique(self) -> bool:
-        """Whether the assignment is proven to be the only best one."""
+        """True if the assignment is proven to be the only best one."""
         return is_unique(self.proof, self.gap)
 
     def _of_tracks(self, name: str) -> Columns:
@@ -104,7 +104,7 @@ class PairEvaluation(Evaluation):
         return self._per_track(k, (self.labels.truths, self.labels.estimates)[k])
 
     def _assignments(self) -> Columns:
-        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+        """Return pairs that both exist, are nearer than the cutoff, and are assigned."""
         problem = self.proof.states.problem
         assigned = read_assigned(self.proof.states, self.proof.weights)
         cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
@@ -182,7 +182,7 @@ class PairEvaluation(Evaluation):
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))
 
     def _of_assigned(self, by: str, size: int) -> Columns:
-        """Parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
+        """Return parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
         if not self.assigned:
             return {}
         assigned = read_assigned(self.proof.states, self.proof.weights)
@@ -238,11 +238,11 @@ class EvaluationByClass(Evaluation):
 
     @property
     def is_unique(self) -> bool:
-        """Whether the assignment of each class is proven to be the only best one."""
+        """True if the assignment of each class is proven to be the only best one."""
         return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
-        """Class by class, with the class in front."""
+        """Return tables of tracks class by class, with the class in front."""
         tables = {part: made.table(name) for part, made in self.results.items()}
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
@@ -255,7 +255,7 @@ class EvaluationByClass(Evaluation):
         return joined
 
     def _per_class(self) -> Columns:
-        """Value and costs of each class; the costs add up, the values do not."""
+        """Return the value and costs of each class; the costs add up, the values do not."""
         names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
         return {"class": list(self.results)} | {

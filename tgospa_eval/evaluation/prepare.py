@@ -205,7 +205,7 @@ class NearPairs:
         cutoff: float,
         resources: Resources,
     ) -> "NearPairs":
-        """Both sides as they are compared, and their pairs that matter at such a cutoff."""
+        """Return both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
         raw = distance
@@ -274,7 +274,7 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Pairs whose gain jumps with the distance, and where: the cutoff, with a truth's reach.
+        """Return pairs whose gain jumps with the distance, and where: the cutoff, with a reach.
 
         Those of an ignored truth and an estimate that is not excused; all others gain less and
         less up to the cutoff, so that no rounding there matters.
@@ -287,7 +287,7 @@ class NearPairs:
 
 
 def pairs_at_reports(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
-    """Pairs of rows on a common clock, by a search at the stamps of the reports."""
+    """Return pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
     blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
     for (truth, reports), rows in held.blocks():
@@ -305,7 +305,7 @@ def recorded_settings(
     columns: tuple[str, ...],
     held: "Held | None" = None,
 ) -> dict[str, object]:
-    """Every option that changes the number, without parameters and those of the solver."""
+    """Return every option that changes the number, without parameters and those of the solver."""
     return {
         "distance": distance.name,
         **distance.settings(columns),
@@ -327,7 +327,7 @@ def measure(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> tuple[MeasuredSides, "NearPairs"]:
-    """Both sides as they are compared, and all pairs nearer than the cutoff.
+    """Return both sides as they are compared, and all pairs nearer than the cutoff.
 
     `files` are those of the two sides, as of `input_record`; by default their rows.
     """
@@ -397,7 +397,7 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
+    """Return near pairs, and those of truths in gaps within their `reach` beyond the cutoff.
 
     With the cutoff comes its margin, up to which there are pairs as well.
     """
@@ -421,7 +421,7 @@ def with_far_pairs(
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
-    """Ignored rows of the truth and excused rows of the estimate, if there are any."""
+    """Return ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
     masks = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
@@ -439,7 +439,7 @@ def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
 def _recorded(
     sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Coverage]:
-    """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
+    """Return rows and digests of both sides, and the digest of what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
@@ -467,7 +467,7 @@ def fit(
     names: tuple[str, str] = ("truth", "estimate"),
     placed: Callable[[Sides], Axis] | None = None,
 ) -> AlignedPair:
-    """Both sides on the same steps, and the distance with what it takes from the data.
+    """Return both sides on the same steps, and the distance with its settings of the data.
 
     `placed` brings them to steps that were found before, by default those that are asked for.
 

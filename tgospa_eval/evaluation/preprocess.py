@@ -77,7 +77,7 @@ def preprocessed(
     names: tuple[str, str],
     regions: Regions | None,
 ) -> tuple[Reading, Reading]:
-    """Truth and estimate as a benchmark evaluates them.
+    """Return truth and estimate as a benchmark evaluates them.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRole
 
 
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
-    """As of UA-DETRAC, in whole pixels: a region begins one before its left and upper edge."""
+    """Return roles as of UA-DETRAC, in whole pixels: regions begin one before their edges."""
     wider = np.array([-1.0, -1.0, 1.0, 1.0])
     regions = truth.regions and replace(
         truth.regions,
@@ -237,14 +237,14 @@ def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowR
 
 
 def _pixels(boxes: Floats) -> Floats:
-    """Boxes in whole pixels, from 1 on, halves up."""
+    """Return boxes in whole pixels, from 1 on, halves up."""
     return np.maximum(np.floor(boxes + 0.5), 1.0)
 
 
 def _in_regions(
     truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
 ) -> RowRoles:
-    """Nothing in a region is judged."""
+    """Return roles without any state in a region."""
     within, excused = (
         np.zeros(side.taken, bool)
         if regions is None
@@ -255,7 +255,7 @@ def _in_regions(
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
-    """Rows of these classes, in capitals or not."""
+    """Return a mask of rows of these classes, in capitals or not."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
     known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]

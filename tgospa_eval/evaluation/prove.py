@@ -194,7 +194,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
 
 
 def nested_timings(stopwatch: Stopwatch) -> Json:
-    """Spans as a tree, with the names that are always there."""
+    """Return spans as a tree, with the names that are always there."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
     for name, seconds in stopwatch.spans.items():
@@ -229,7 +229,7 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
 
 
 def at_cutoff(pairs: int) -> tuple[Notice, ...]:
-    """Warning about so many pairs with an ignored truth whose distance is the cutoff, if any."""
+    """Warn of so many pairs with an ignored truth whose distance is the cutoff, if any."""
     if not pairs:
         return ()
     of = "an ignored truth and an estimate"
@@ -280,7 +280,7 @@ BLOCK = 1 << 16
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
+    """Return parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale
@@ -310,7 +310,7 @@ def parts_of_distances(
     entries: Ints,
     rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Cost of whole pairs by means and by spreads, if the cost is a square and has such parts.
+    """Return the cost of whole pairs by means and by spreads, if it is a square with such parts.
 
     `rows` are those of the entries in either side.
     """

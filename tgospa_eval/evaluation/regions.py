@@ -49,7 +49,7 @@ PLANE, EARTH = ("x", "y"), PLACES
 
 
 def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
-    """Any accepted form of regions; `decimal` is the mark in a file.
+    """Read any accepted form of regions; `decimal` is the mark in a file.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def inside(
 def _candidates(
     regions: Regions, shapes: Ints, side: Trajectories, step: int | None, *, spread: bool
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Rows of a step, or of all, and the shapes that may have something in common with them.
+    """Yield rows of a step, or of all, and the shapes that may overlap with them.
 
     In the plane and in images those whose bounding boxes are near each other: pieces of rows with
     boxes (`spread`) and of boxes together, other shapes by themselves.
@@ -241,7 +241,7 @@ def _candidates(
 
 
 def _bounds(shape: Shape) -> Floats:
-    """Least and largest corner (2, 2) of a region of the plane."""
+    """Return the lower left and upper right corner (2, 2) of a region of the plane."""
     if shape.kind == BOX:
         left, top, width, height = shape.rings[0]
         return np.array([[left, top], [left + width, top + height]])
@@ -268,7 +268,7 @@ def _placed(
 
 
 def _shares(region: Shape | Floats, state: Floats) -> Floats:
-    """Share of the area of boxes (N, 4) that is in a region, or each in a box of its own (N, 4)."""
+    """Return the share of the area of boxes (N, 4) in a region, or each in its own box (N, 4)."""
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
     if isinstance(region, Shape):
@@ -281,7 +281,7 @@ def _shares(region: Shape | Floats, state: Floats) -> Floats:
 
 
 def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
-    """Share of the area of one box (4,) that is in several regions together."""
+    """Return the share of the area of one box (4,) that is in several regions together."""
     begin, end = state[:2], state[:2] + state[2:]
     area = float((end - begin).prod())
     if any(shape.kind != BOX for shape in shapes):
@@ -330,7 +330,7 @@ def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
 
 
 def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
-    """Area of boxes (N, 4) that is in several regions together, by shapely."""
+    """Return the area of boxes (N, 4) that is in several regions together, by shapely."""
     for shape in shapes:
         if shape.kind in (CIRCLE, CAP):
             raise InputError(
@@ -378,7 +378,7 @@ KNOWN = {name for columns in SHAPES.values() for name in columns}
 
 
 def read_regions(path: str, decimal: str = ".") -> Regions:
-    """Regions of a CSV file, delimited by comma, semicolon or tab, or of a GeoJSON document.
+    """Read regions of a CSV file, delimited by comma, semicolon or tab, or of GeoJSON.
 
     Raises
     ------
@@ -407,7 +407,7 @@ def of_rows(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Regions of the rows of a table; `places` are those of the header and of each row.
+    """Return regions of the rows of a table; `places` are those of the header and of each row.
 
     Raises
     ------
@@ -453,7 +453,7 @@ def of_rows(
 
 
 def of_geojson(document: Any, name: str) -> Regions:
-    """Regions of a FeatureCollection, a Feature or a geometry; the property t is their step.
+    """Return regions of a FeatureCollection, a Feature or a geometry; t is their step.
 
     Raises
     ------

@@ -96,7 +96,7 @@ class Sliding:
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
-        """First and last step of each window among those at some times, (K,), (K,).
+        """Return the first and last step of each window among those at some times, (K,), (K,).
 
         Where the last regular window ends before the last step, one more ends with it, so that all
         are of one length and no step is left out. A stretch of time without a step is no window.
@@ -118,7 +118,7 @@ class Sliding:
 
 
 def in_words(length: int | Duration) -> str:
-    """As a length is shown: 30 steps, or 2min."""
+    """Format a length: 30 steps, or 2min."""
     return length.text if isinstance(length, Duration) else counted(length, "step")
 
 
@@ -141,7 +141,7 @@ def _length(given: object, name: str) -> int | Duration:
 
 
 def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[Ints, Ints]:
-    """Windows from t to before t + size; the last one ends with the last step."""
+    """Return windows from t to before t + size; the last one ends with the last step."""
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
@@ -247,7 +247,7 @@ class EvaluationRequest:
 
     @property
     def probabilistic(self) -> bool:
-        """Whether probabilities of existence count."""
+        """True if probabilities of existence count."""
         return self.existence == "use"
 
 
@@ -258,7 +258,7 @@ def chosen_parameters(
     switch_penalty: float | None,
     rho: float = 0.5,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Parameters with the defaults of a distance for None, and the names of those.
+    """Return parameters with the defaults of a distance for None, and the names of those.
 
     Raises
     ------
@@ -277,7 +277,7 @@ NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names of other metrics in our order; a text has them with commas, mota is of clear.
+    """Return names of other metrics in our order; a text has them with commas, mota is of clear.
 
     Raises
     ------

@@ -176,7 +176,7 @@ def _numbers(
 def _weighted(
     attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Two slices, with the share w and 1 - w of each row; a third for rows without a value."""
+    """Make two slices, with the share w and 1 - w of each row; a third for rows without a value."""
     values = [
         None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
     ]
@@ -258,7 +258,7 @@ def _by_text(
 
 
 def _as_texts(values: Values) -> Values:
-    """Numbers beside the texts of another side, as texts."""
+    """Return numbers beside the texts of another side, as texts."""
     if values.dtype.kind == "O":
         return values
     texts = ["" if value != value else _shown(value) for value in values.tolist()]
@@ -292,7 +292,7 @@ def _shown(value: float) -> str:
 
 
 def _quarters(values: Floats) -> list[float]:
-    """Quartiles, rounded to two digits."""
+    """Return quartiles, rounded to two digits."""
     finite = np.sort(values[np.isfinite(values)])
     ends = (finite[int(share * (len(finite) - 1))] for share in QUARTILES)
     return sorted({float(f"{end:.2g}") for end in ends})
@@ -418,7 +418,7 @@ def _positions(side: Trajectories) -> Floats:
 
 
 def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
-    """Lengths between places (d, N), on the Earth in metres."""
+    """Return lengths between places (d, N), on the Earth in metres."""
     if _is_earth(side):
         return Haversine().between(zip(first, second, strict=True))
     difference: Floats = first - second
@@ -427,7 +427,7 @@ def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
 
 
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
-    """Distance from a point, by as many coordinates as that has; from 0 if none is given."""
+    """Return the distance from a point, by as many coordinates as it has; from 0 by default."""
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
@@ -444,7 +444,7 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
 
 
 def _speeds(side: Trajectories) -> Floats:
-    """Length of the velocity, of the states if they have one, else from the neighbours in time.
+    """Return the length of the velocity, of the states or else from the neighbours in time.
 
     From the row before to the row after, at the ends of a track from or to the row itself; per
     second where times are ISO times. A track of one row has none.
@@ -471,7 +471,7 @@ def _speeds(side: Trajectories) -> Floats:
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Area of boxes: of the states, or width times height of columns, else times length."""
+    """Return the area of boxes: of the states, or width times height of columns, or of length."""
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
     width = _extent(side, "width", ("left", "right"))
@@ -625,7 +625,7 @@ def row_costs(proof: PairProof) -> RowCosts:
 
 
 def _evaluated_rows(truths: Objects) -> Floats:
-    """1 for each row that is judged."""
+    """Return 1 for each row that is judged."""
     weights = np.ones(len(truths.step))
     if truths.unjudged is not None:
         weights[truths.unjudged] = 0.0

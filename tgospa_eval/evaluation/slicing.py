@@ -108,13 +108,13 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
 
 
 def requested_columns(slices: Iterable[SliceBy]) -> tuple[str, ...]:
-    """Columns that readers should look for."""
+    """Return columns that readers should look for."""
     names = (name for by in slices for part in by.attributes for name in part.columns)
     return tuple(dict.fromkeys(names))
 
 
 def _attribute(part: str, text: str) -> Attribute:
-    """One attribute; `text` is the whole that was given, for messages."""
+    """Return one attribute; `text` is the whole that was given, for messages."""
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(

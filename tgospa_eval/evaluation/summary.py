@@ -72,7 +72,7 @@ class SideRows:
 
     @classmethod
     def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
-        """Tracks of all, numbered on, and how many rows come before those of each."""
+        """Return tracks of all, numbered on, and how many rows come before those of each."""
         tracks, sizes = (
             np.cumsum([0, *counts])
             for counts in ([one.tracks for one in several], [len(one.track) for one in several])
@@ -154,7 +154,7 @@ class Tracked:
 
     @classmethod
     def joined(cls, several: "Sequence[Tracked]") -> "Tracked":
-        """Several evaluations on the same steps as one; tracks are numbered on."""
+        """Return several evaluations on the same steps as one; tracks are numbered on."""
         truth, before_truth = SideRows.joined([one.truth for one in several])
         estimate, before_estimate = SideRows.joined([one.estimate for one in several])
         at = [one.at + k for one, k in zip(several, before_truth, strict=True)]
@@ -196,7 +196,7 @@ class Axes:
         self.periods = [periods.get(name, np.inf) for name in names] if periods else None
 
     def between(self, first: Floats, second: Floats) -> Floats:
-        """Second less first states (N, d), by axis, (N, q)."""
+        """Return the difference of second and first states (N, d), by axis, (N, q)."""
         difference = shortest_differences((second - first)[:, self.chosen], self.periods)
         if self.is_box:  # the place of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
@@ -277,7 +277,7 @@ class Axes:
     def _velocity(
         self, states: Floats, rows: Ints, truth: SideRows, timestamps: Floats, at: Ints
     ) -> Floats:
-        """Velocities of some rows of the truth (N, k), NaN where they are not known.
+        """Return velocities of some rows of the truth (N, k), NaN where they are not known.
 
         Those of the states, or else from the neighbours in time.
         """
@@ -409,7 +409,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
 
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-    """Pairs of tracks, and the sums of the weights of each; pairs are by truth and time."""
+    """Return pairs of tracks, and sums of the weights of each; pairs are by truth and time."""
     for _ in range(2):  # neighbours are compared first, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
@@ -420,7 +420,7 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
 
 
 def _errors(tracked: Tracked) -> Json:
-    """Errors of assigned states: of the base distance, by axis, along and across the track.
+    """Return errors of assigned states: of the base distance, by axis, along and across the track.
 
     An estimate that is late by L is L v behind a truth of velocity v: the latency is the L that
     makes the sum of squares of ``e + L v`` least, and its gain the share of the sum of squares of
@@ -462,7 +462,7 @@ def _errors(tracked: Tracked) -> Json:
 
 
 def _smoothness(sums: Sums) -> Json | None:
-    """Root mean squares of second differences of estimates and truths; None if there are none."""
+    """Return root mean squares of second differences of both sides; None if there are none."""
     if not sums["bent"]:
         return None
     estimate, truth = np.sqrt(sums["bends"] / sums["bent"]).tolist()
@@ -470,7 +470,7 @@ def _smoothness(sums: Sums) -> Json | None:
 
 
 def _siap(tracked: Tracked) -> Json:
-    """Metrics of the Single Integrated Air Picture (Votruba et al. 2001), of unweighted pairs.
+    """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
     An association is a stretch of states of a truth at which one estimate is assigned to it; the
     longest segment is the time of all of one estimate, as Stone Soup counts it.

@@ -81,7 +81,7 @@ def sweep_fitted(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> SweepEvaluation:
-    """`sweep` with everything resolved.
+    """Evaluate each point, with everything resolved.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class _Line:
         self.solution: Solution | None = None
 
     def points(self) -> tuple[Point, ...]:
-        """All of them."""
+        """Return all points."""
         solution: dict[int, Point] = {}
         saved: dict[int, SavedSolution | None] = {}
         progress, count = self.stopwatch.progress, len(self.parameters)
@@ -202,7 +202,7 @@ class _Line:
 
 
 def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """Numbers of points, and the two solved before between which they lie, ends first."""
+    """Yield numbers of points, and the two solved before that enclose them, ends first."""
     yield 0, ()
     if count > 1:
         yield count - 1, ()
@@ -249,7 +249,7 @@ def _point(result: PairEvaluation, name: str) -> Point:
 
 
 def _timings(stopwatch: Stopwatch) -> dict[str, float]:
-    """Seconds of all points together, by stage."""
+    """Return seconds of all points together, by stage."""
     timings = {"read": 0.0, "distances": 0.0, "solve": 0.0, "certify": 0.0, "report": 0.0}
     for name, seconds in stopwatch.spans.items():
         timings[name.partition("/")[0]] += seconds

@@ -91,7 +91,7 @@ class _Rows:
         self.closed = np.zeros(len(states.begin), bool)
 
     def open(self, used: Mask, *, everywhere: bool) -> Mask:
-        """Rows of which it is not known what they have, of near pairs or everywhere, (nodes,)."""
+        """Return rows whose best paths are not known, of near pairs or everywhere, (nodes,)."""
         unsure = (self.near != used) | (self.near & ~self.certain)
         if not everywhere:
             unsure &= self.states.entry >= 0
@@ -131,7 +131,7 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """States on paths that are best within reach; and those at which "none" is on no such path."""
+    """Return states on paths that are best within reach; and those at which "none" is on none."""
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach

@@ -90,7 +90,7 @@ class Trials:
         filters = {name.rpartition("_")[2] for name in request.recorded}
         self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
-            sides.distance is not request.distance  # which takes something from the data
+            sides.distance is not request.distance  # the distance has settings of the data
             or "reduce" in distance
             or reach_of(self.aligned.truth, request) is not None
         )
@@ -199,7 +199,7 @@ class Trials:
                 distance,
             )
             truth_in[truth.track[pairs.truth_row]] = True
-        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one: of none
+        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one is for tracks of none
         for mask, block in zip((truth_in, estimate_in), self.blocks, strict=True):
             blocks[block[mask]] = True
         blocks[-1] = False
@@ -325,7 +325,7 @@ def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conver
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Kinds of repairs after which a filter might leave out other rows.
+    """Return kinds of repairs after which a filter might leave out other rows.
 
     Raises
     ------
@@ -350,7 +350,7 @@ def _candidates(
     assigned: Assigned,
     limit: int,
 ) -> Iterator[Candidate]:
-    """Repairs that may save cost at the current assignment, `limit` or a few more of each kind."""
+    """Yield repairs that may save cost, `limit` or a few more of each kind."""
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
@@ -377,7 +377,7 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """Repair of a candidate, with its names and the proven cost after it."""
+    """Return the repair of a candidate, with its names and the proven cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
@@ -407,7 +407,7 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Down (-1) or up (1) by more than its product and its difference are off by."""
+    """Move a saving down (-1) or up (1) by more than the error of product and difference."""
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 
 

@@ -56,7 +56,7 @@ class Track:
         self._key = side.step.astype(np.int64) * side.count + side.track
 
     def rows(self, track: int) -> Ints:
-        """Rows of a track."""
+        """Return rows of a track."""
         return self.order[self.first[track] : self.first[track + 1]]
 
     def find(self, track: Ints, step: Ints) -> Ints:
@@ -100,7 +100,7 @@ class Assigned:
         sides = problem.sides
         self.truth, self.estimate = (Track(side, problem.steps) for side in sides)
         used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-        used = used[np.argsort(weights[used], kind="stable")]  # the largest comes last and stays
+        used = used[np.argsort(weights[used], kind="stable")]  # the largest comes last and is kept
         entry = states.entry[used].astype(np.int64)
         i, j = problem.truth_row[entry], problem.estimate_row[entry]
         self.followed = np.full(len(problem.truth_step), NO_PARTNER)
@@ -186,7 +186,7 @@ class Edit:
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """Tracks of the rows after the edit, -1 for dropped rows."""
+        """Return tracks of the rows after the edit, -1 for dropped rows."""
         after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
@@ -212,7 +212,7 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """Estimate as read from files, without marks made by options."""
+    """Return the estimate as read from files, without marks made by options."""
     made = NOT_JUDGED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
@@ -249,7 +249,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             covariance = np.concatenate((covariance, added.covariance))
         attributes = stacked(attributes, added.attributes, len(added.step))
     order = np.lexsort((track, step))
-    clouds = estimate.clouds  # of which no row is ever added
+    clouds = estimate.clouds  # no rows are added to clouds
     if edit.offset is not None:
         state = state - edit.offset
         if clouds is not None:
@@ -276,7 +276,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """Stamps for a shift and their texts: they continue by the median step."""
+    """Return stamps for a shift and their texts: they continue by the median step."""
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
@@ -338,7 +338,7 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """Candidate about a track between the first and the last of some steps."""
+    """Return a candidate about a track between the first and the last of some steps."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
@@ -377,7 +377,7 @@ def exchanged(assigned: Assigned) -> Iterator[Candidate]:
 
 
 def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
-    """Two tracks as one, if they are never at the same step."""
+    """Return two tracks as one, if they are never at the same step."""
     step = assigned.estimate.side.step
     first, second = (step[assigned.estimate.rows(track)] for track in (a, b))
     if np.isin(first, second).any():
@@ -416,7 +416,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Split of the estimate at each of its changes of the truth; `names` are all ids."""
+    """Yield the split of the estimate at each of its changes of the truth; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -450,7 +450,7 @@ def _other_name(name: str, names: set[str]) -> str:
 
 
 def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
-    """Tracks to drop, and their ends to cut off, where nothing is."""
+    """Yield tracks to drop, and their ends to cut off, where nothing is."""
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
@@ -461,7 +461,7 @@ def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
     for stretch in assigned.stretches:
         price = problem.switch_price_at
         saved[stretch.estimate] += float(price[stretch.begin]) if stretch.begin else 0.0
-    saved[np.diff(assigned.estimate.first) == 0] = 0.0  # of which no row is left
+    saved[np.diff(assigned.estimate.first) == 0] = 0.0  # tracks without rows
     for track in np.argsort(-saved, kind="stable")[:limit].tolist():
         if saved[track] > 0:
             steps, edit = side.step[assigned.estimate.rows(track)], Edit(pieces={track: ()})
@@ -530,7 +530,7 @@ class StatePlaces:
         self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
-        """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
+        """Return ``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
         there = row >= 0
         distance = self.distance(state[there], self.truth.state[row[there]])
         costs = np.full(len(row), np.inf)
@@ -545,7 +545,7 @@ class StatePlaces:
 
 
 def filled(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Gaps of tracks, filled on straight lines between their ends."""
+    """Yield gaps of tracks, filled on straight lines between their ends."""
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
     size = side.step[right].astype(np.int64) - side.step[left] - 1
@@ -606,7 +606,7 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """Estimated savings (N,) of new states, each to follow a truth at a step."""
+    """Return estimated savings (N,) of new states, each to follow a truth at a step."""
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
     price_of_row = assigned.problem.truth_price
@@ -616,7 +616,7 @@ def _added_saves(
 
 
 def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Tracks that go on at either end, at constant velocity, while the truth is missed."""
+    """Yield tracks that go on at either end, at constant velocity, while the truth is missed."""
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
     first, last = tracks.first[there], tracks.first[there + 1] - 1

@@ -333,7 +333,7 @@ class Evaluation(ABC):
         return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
-        """Cutoff, order, switch penalty and other options of the metric, in words."""
+        """Return the cutoff, order, switch penalty and other options of the metric, in words."""
         return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
@@ -364,7 +364,7 @@ class Evaluation(ABC):
         """Return ``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
     def _per_step(self) -> records.Columns:
-        """Cost of each step by kind."""
+        """Return the cost of each step by kind."""
         costs = records.step_columns(self.proof.breakdown, self.scale)
         ignored = {} if self.unjudged is None else vars(self.unjudged)
         return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
@@ -422,12 +422,12 @@ class Evaluation(ABC):
         return table
 
     def first_switches(self, count: int) -> tuple[records.Columns, int]:
-        """First rows of the table of switches, at most so many, and the number of all rows."""
+        """Return the first rows of the table of switches, at most `count`, and their number."""
         table = self.table("switches")
         return {name: column[:count] for name, column in table.items()}, len(table["t"])
 
     def _per_class(self) -> records.Columns:
-        """Value and costs of each class, where they were evaluated apart; else no columns."""
+        """Return the value and costs of each class, if evaluated separately; else no columns."""
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
@@ -599,7 +599,7 @@ class Evaluation(ABC):
 
 
 def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Numbers of several groups in one dict, with a dot between the names."""
+    """Return numbers of several groups in one dict, with a dot between the names."""
     return {
         f"{group}.{name}": float(x) for group, each in groups.items() for name, x in each.items()
     }

@@ -86,7 +86,7 @@ class Repair:
         return f"Repair({self.text!r}, {saved})"
 
     def record(self, rank: int, total: float) -> Json:
-        """Record of the repair for the JSON document; `total` is the cost before."""
+        """Return the record of the repair for the JSON document; `total` is the cost before."""
         return {
             "rank": rank,
             "estimates": list(self.estimates),
@@ -159,7 +159,7 @@ class Explanation:
         return [repair.record(rank, total) for rank, repair in enumerate(self.repairs, 1)]
 
     def record(self) -> Json:
-        """Their part of a JSON document."""
+        """Return the part of a JSON document for the repairs."""
         return {
             "repairs": self._records(),
             "candidates": self.candidates,

@@ -65,7 +65,7 @@ class StoredTables:
         return [path]
 
     def names(self) -> dict[str, Path]:
-        """All files, by their names in a folder, with slashes."""
+        """Return all files, by their names in a folder, with slashes."""
         return {
             path.relative_to(self.folder).as_posix(): path
             for table in STORED_TABLES
@@ -100,7 +100,7 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """Rows with the highest sums of some columns, none of 0; of equal ones the first."""
+        """Return rows with the highest sums of some columns, none of 0; of equal ones the first."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
@@ -188,11 +188,11 @@ class PartitionedResult(Evaluation):
         return self.tables.columns(name)
 
     def first_switches(self, count: int) -> tuple[Columns, int]:
-        """First rows of the table of switches, at most so many, and the number of all rows."""
+        """Return the first rows of the table of switches, at most `count`, and their number."""
         return self.tables.columns("switches", count), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
-        """Rows of the costliest truths, of kind ``"missed"``, or estimates, of ``"false"``."""
+        """Return rows of the costliest truths, of kind ``"missed"``, or estimates, ``"false"``."""
         table = "per_truth" if kind == "missed" else "per_estimate"
         return self.tables.costliest(table, ("localisation", kind, "switch"), count)
 
@@ -204,7 +204,7 @@ class PartitionedResult(Evaluation):
         return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
-        """Names of the tables in the result folder, and the short records."""
+        """Return names of the tables in the result folder, and the short records."""
         fields: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
         if len(self.labels.times) <= MAX_RECORDS:
             fields["per_step"] = records(self.table("per_step"))

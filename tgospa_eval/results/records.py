@@ -78,7 +78,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Relative error of a root because 1/p is no double."""
+        """Return the relative error of a root because 1/p is no double."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
@@ -142,13 +142,13 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
 def step_columns(split: Breakdown, scale: float) -> Arrays:
-    """Cost of each step by kind, and of all; `scale` is c^p."""
+    """Return the cost of each step by kind, and of all; `scale` is c^p."""
     columns = {name: scale * getattr(split, name) for name in PARTS}
     return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """Costs of each truth (side 0) or estimate (side 1); `steps` says at how many it exists."""
+    """Return costs of each truth (side 0) or estimate (side 1); `steps` has their lengths."""
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -161,7 +161,7 @@ def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arra
 
 
 def as_lists(columns: Arrays) -> Columns:
-    """Columns of plain Python values."""
+    """Return columns of plain Python values."""
     return {name: column.tolist() for name, column in columns.items()}
 
 
@@ -225,7 +225,7 @@ class Calibration:
     def similarity(
         self, value: float, bounds: tuple[float, float], parameters: Parameters
     ) -> "Similarity":
-        """Score of a value per step, and its bounds."""
+        """Return the score of a value per step, and its bounds."""
         beta = self.beta(parameters)
         ends = []
         for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
@@ -276,7 +276,7 @@ SPLIT_PARTS = (
 
 
 def members_in_words(settings: Mapping[str, Any]) -> str:
-    """Options beside c, p and gamma that choose the member of the family, each after a comma."""
+    """Return options beside c, p and gamma that choose the member of the family."""
     words = ["weighted steps"] * ("step_weights" in settings)
     words += ["probabilities of existence (experimental)"] * ("existence" in settings)
     words += [f"not judged: {text}" for text in settings.get("ignore", ())]

@@ -39,7 +39,7 @@ from tgospa_eval.text import option
 # The one check of stored numbers: of saved results, rows of stores, and baselines alike.
 #
 # Names are those of the document of a result, with a dot between levels. A rule whose numbers are
-# not all there is passed over. Tolerances are those of sums and roots of doubles.
+# not all there is skipped. Tolerances are those of sums and roots of doubles.
 
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of what was summed."""
@@ -148,7 +148,7 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Parts of the total and of localisation, NaN for missing ones."""
+    """Yield parts of the total and of localisation, NaN for missing ones."""
     for name, parts in (("total", PARTS), *(("localisation", split) for split in SPLITS)):
         if all(part in table for part in parts):
             made = np.sum([table[part] for part in parts], axis=0)
@@ -165,7 +165,7 @@ def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
     if "judged.steps" in table:
         order, each = table["order"], table["total"] / np.maximum(table["judged.steps"], 1)
         name = "normalised.tgospa"
-        # Of powers, which have no digits less where they are small.
+        # Powers keep their digits where they are small.
         _, right, _, _ = _close({name: table[name] ** order}, name, each, "", ADD_UP * order)
         yield name, right, each ** (1 / order), "total and judged.steps make it"
 
@@ -215,7 +215,7 @@ OF_THE_ESTIMATE = (
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
-    """Parameters of the metric, as JSON has them, in which two differ: name and both values."""
+    """Yield parameters of the metric, as JSON has them, that differ: name and both values."""
 
     def shown(parameters: Mapping[str, object], name: str) -> str:
         there = name in parameters
@@ -232,7 +232,7 @@ def saved_result(path: str) -> str | None:
         path = os.path.join(path, RESULT_FILE)
     if not os.path.isfile(path):  # a pipe can be read once only
         return None
-    with suppress(OSError), open(path, "rb") as file:  # who reads it says what is wrong
+    with suppress(OSError), open(path, "rb") as file:  # the reader reports faults
         begin = file.read(64)
         is_object = begin.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{"
         if is_object and f'"{FAMILY}'.encode() in begin + file.read():

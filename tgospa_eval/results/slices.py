@@ -133,7 +133,7 @@ class Slicing:
         return pd.DataFrame(self.table())
 
     def record(self) -> Json:
-        """Slices as a record in the document of a result."""
+        """Return slices as a record in the document of a result."""
         return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
@@ -172,7 +172,7 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:
-    """All slices in one table; the first column names the attribute."""
+    """Return all slices in one table; the first column names the attribute."""
     tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
         (one.by, one.table()) for one in slicings
     ]
@@ -183,7 +183,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names of slices in order: numbers by their values, unnamed slices at the end."""
+    """Return names of slices in order: numbers by their values, unnamed slices at the end."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 

@@ -100,7 +100,7 @@ class TrackedShares:
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """Numbers of mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
+        """Count mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -144,7 +144,7 @@ class Summary:
     per_estimate: Mapping[str, Floats | Ints]
 
     def columns(self, table: str) -> Columns:
-        """Columns of the table ``per_truth`` or ``per_estimate``, None where there is no number."""
+        """Return columns of the table ``per_truth`` or ``per_estimate``, None without a number."""
         columns: Mapping[str, Floats | Ints] = getattr(self, table)
         return {
             name: [value if math.isfinite(value) else None for value in values.tolist()]
@@ -173,7 +173,7 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """Share in percent; only a full share is shown as 100 %, only none as 0 %."""
+    """Return the share in percent; only a full share is shown as 100 %, only none as 0 %."""
     if share is None:
         return "-"
     share = round(share, 12)  # sums of weights have roundings
@@ -187,7 +187,7 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """Summary in words, a name and its numbers a line; without lines that have no number.
+    """Yield the summary in words, a name and its numbers a line; without lines that have no number.
 
     `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
     """
@@ -285,7 +285,7 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """Ratio; None for 0 / 0."""
+    """Return the ratio; None for 0 / 0."""
     return value / by if by else None
 
 

@@ -117,7 +117,7 @@ class SweepEvaluation:
         return {self.parameter: table.pop("value"), **table}
 
     def unchanged(self, *counts: str) -> tuple[int, int] | None:
-        """First and last point of the longest range in which these counts are the same.
+        """Return the first and last point of the longest range in which these counts are the same.
 
         None if they differ between all neighbours. Between the points nothing is proven.
         """

@@ -176,7 +176,7 @@ def on_one_axis(
 
 
 def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
-    """All curves in one table."""
+    """Return all curves in one table."""
     table: Columns = {}
     rows = 0
     for curve in curves:
@@ -192,7 +192,7 @@ def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
 
 
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
-    """All curves, each with its points."""
+    """Return all curves, each with its points."""
     return [
         {
             "by": dict(curve.group),
@@ -353,7 +353,7 @@ class BatchTables:
         return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """Labels that distinguish a row of the groups from the others."""
+        """Return labels that distinguish a row of the groups from the others."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
@@ -372,7 +372,7 @@ class BatchTables:
         return self.rows[f"label.{label}"].fillna("").astype(str)
 
     def name_of(self, row: "pd.Series[Any]") -> str:
-        """Labels of a job, and options of its own."""
+        """Return labels of a job, and options of its own."""
         own = json.loads(str(row["options"]))
         texts = [str(row[f"label.{name}"]) for name in self.labels]
         texts += [f"{key}={value}" for key, value in own.items()]
@@ -473,7 +473,7 @@ def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Inter
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """Bracket of a value of a row of a ranking; the value is its upper end."""
+    """Return the bracket of a value of a row of a ranking; the value is its upper end."""
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
@@ -500,7 +500,7 @@ def heat_of(
     link: Callable[[Mapping[Any, Any]], str],
     parameters: Sequence[str] = (),
 ) -> Json:
-    """Jobs side by side, as a table of squares or numbers.
+    """Return jobs side by side, as a table of squares or numbers.
 
     Parameters
     ----------
@@ -552,7 +552,7 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # Of many rows, those with the largest values of their set are shown; failed jobs first.
+    # If there are many rows, failed jobs come first, then the largest values of their set.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
@@ -602,18 +602,18 @@ def heat_of(
 
 
 def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Costs of the groups split by attributes, where that was asked for."""
+    """Yield costs of the groups split by attributes, where that was asked for."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """Names of each group that has slices, and its slices."""
+    """Yield names of each group that has slices, and its slices."""
     for group, slicings in tables.slices.items():
         yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Slices of the groups as columns, labels of the group first; no columns without slices."""
+    """Return slices of the groups as columns, labels first; no columns without slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -686,7 +686,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """Rows as plain values, None for missing ones."""
+    """Return rows as plain values, None for missing ones."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -704,7 +704,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def document(tables: BatchTables) -> rendering.Document:
-    """JSON document of the tables by groups and of the rankings."""
+    """Return the document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return rendering.Document(
@@ -787,7 +787,7 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 
 
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
-    """Ranking (best first), entry and p value of each group that is ranked on all its jobs."""
+    """Return the ranking (best first), entry and p value of each group ranked on all its jobs."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
     return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
@@ -823,7 +823,7 @@ def _study_row(
 
 
 def _parameters(tables: BatchTables) -> Json:
-    """Parameters that all jobs share."""
+    """Return parameters that all jobs share."""
     if "parameters" not in tables.rows:
         return {}
     first, *rest = map(json.loads, tables.rows["parameters"].dropna().unique())
@@ -835,7 +835,7 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Rows with the same jobs that differ only in the ranked label."""
+    """Return rows with the same jobs that differ only in the ranked label."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
@@ -845,7 +845,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 
 def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Other metrics of the groups, where they were asked for."""
+    """Yield other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
     other = list(result_text.other_records(rows))
@@ -881,7 +881,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """Parameters of a ranking, if there are several sets of them."""
+    """Return parameters of a ranking, if there are several sets of them."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 

@@ -163,7 +163,7 @@ def pictures(
     wanted: Pictures | None = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> dict[str, bytes]:
-    """Files by name: of a kind in `CHARTS` all that have something to show, each in all formats.
+    """Return files by name: all pictures of a kind in `CHARTS`, each in all formats.
 
     None without matplotlib. `notify` takes the name of each before it is written, and the share
     that is done. One figure after the other: they hold memory.

@@ -23,7 +23,7 @@ TIES = (
 
 
 def estimates_document(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
-    """Several estimates of one truth, or one with per-step GOSPA beside it.
+    """Report several estimates of one truth, or one with per-step GOSPA beside it.
 
     `requested` are columns of the table.
     """
@@ -46,7 +46,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> renderi
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Warnings about the data or about an order by covariances."""
+    """Yield warnings about the data or about an order by covariances."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -166,7 +166,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[renderin
 
 
 def _pair_tables(document: Json) -> Iterator[rendering.Table]:
-    """Differences to the first estimate, costs per step."""
+    """Yield differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -189,7 +189,7 @@ def _pair_tables(document: Json) -> Iterator[rendering.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[rendering.Table]:
-    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    """Yield TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -257,7 +257,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
 
 
 def solvers_document(document: Json) -> rendering.Document:
-    """One problem through several solvers."""
+    """Report one problem through several solvers."""
     runs = document["runs"]
     return rendering.Document(
         kind=f"Comparison of solvers; {rendering.TO_RANK}",
@@ -368,13 +368,13 @@ STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
-    """Seconds of each stage, of all runs."""
+    """Return seconds of each stage, of all runs."""
     each = [_split(run["seconds"]) for run in runs]
     return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Tables of one run."""
+    """Return the split of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -392,7 +392,7 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 
 
 def study_document(document: Json) -> rendering.Document:
-    """Solvers on synthetic scenes of many sizes."""
+    """Report solvers on synthetic scenes of many sizes."""
     return rendering.Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
@@ -480,7 +480,7 @@ def _study_lines(document: Json) -> Iterator[str]:
 
 
 def _times_table(document: Json) -> rendering.Table:
-    """Time and error; mean and standard deviation over the runs."""
+    """Return the table of time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):

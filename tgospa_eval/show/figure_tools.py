@@ -31,7 +31,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """Empty figure, sizes in inches, and its axes as a (rows, columns) array; or those of `PLACE`.
+    """Return an empty figure, sizes in inches, and its (rows, columns) axes; or `PLACE`.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
         axis.set_axisbelow(True)
         for side, spine in axis.spines.items():
             spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # on the edge of the axes, and to find that out takes long
+            spine.set_in_layout(False)  # on the edge of the axes: finding that out takes long
         counted(axis.xaxis)
         counted(axis.yaxis)
         axis.xaxis.set_major_locator(SpacedLocator())
@@ -77,7 +77,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # savefig draws everything once more before, and stores opacities too
+        if kind == "png":  # savefig draws everything once more, and stores opacities too
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -95,13 +95,13 @@ def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
 
 
 def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """Corners (N, 4, 2) of boxes."""
+    """Return corners (N, 4, 2) of boxes."""
     x = np.stack([left, right, right, left], axis=1)
     return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
 
 
 def counted(which: Axis) -> None:
-    """Numbers on this axis are written as everywhere else."""
+    """Write numbers on this axis as everywhere else."""
     which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
 
 

@@ -70,7 +70,7 @@ class Kind:
             return True
         if self.log is None or not (folder / self.log).is_file():
             return False
-        # An empty log, alone in its folder, was left by a study that was killed at once.
+        # A study that was killed at once leaves an empty log as the only file.
         return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
 
 
@@ -173,7 +173,7 @@ def probe_folder(
     subject: str = "",
     also: Collection[str] = (),
 ) -> None:
-    """`check_folder`, and see that files can be made where `write_texts` will make them.
+    """Run `check_folder`, and check that files can be made where `write_texts` makes them.
 
     `also` are names of files that will be there beside those of all of this kind.
 
@@ -187,7 +187,7 @@ def probe_folder(
     with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         if path.is_symlink():
-            path.stat()  # links that go in a circle are refused here
+            path.stat()  # refuses circular links
         there = next(above for above in (path, *path.parents) if above.exists())
         probe = there / unique()
         probe.mkdir(mode=0o700)
@@ -224,7 +224,7 @@ def write_texts(
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
-        if files is None:  # it is there, perhaps since a moment ago
+        if files is None:  # another process may have made it just now
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [name for name, *_ in files]
@@ -349,7 +349,7 @@ def _write_over(
 def result_texts(
     result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
-    """Files of a result folder: texts by name, and files to copy unchanged.
+    """Return files of a result folder: texts by name, and files to copy unchanged.
 
     Parameters
     ----------
@@ -453,7 +453,7 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 def association_files(
     pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
-    """Page, table and, with the extra, picture of an association, by name."""
+    """Return the page, table and, with the extra, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
     files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
@@ -510,7 +510,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Folder, result and origin in the proof, for each class."""
+    """Return the folder, result and origin in the proof, for each class."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -555,7 +555,7 @@ UNASSIGNED = ("missed", "false")
 
 
 def geojson(result: Evaluation) -> str:
-    """Text of all features; the property ``kind`` names the kind of each.
+    """Return the text of all features; the property ``kind`` names the kind of each.
 
     Raises
     ------
@@ -580,7 +580,7 @@ def geojson(result: Evaluation) -> str:
 
 
 def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]]]:
-    """Longitude, latitude and perhaps height of each row of truth and estimate."""
+    """Return longitude, latitude and perhaps height of each row of truth and estimate."""
     compared = result.proof.compared
     states = compared.truth, compared.estimate
     columns = compared.columns
@@ -622,7 +622,7 @@ def _parted(places: list[list[float]]) -> list[list[list[float]]]:
 
 
 def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each trajectory as a line, with its cost."""
+    """Yield each trajectory as a line, with its cost."""
     states, weights = result.proof.states, result.proof.weights
     labels, times = (result.labels.truths, result.labels.estimates), result.labels.times
     for of, (side, names) in enumerate(zip(states.problem.sides, labels, strict=True)):
@@ -645,7 +645,7 @@ def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> It
 
 
 def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each state that is missed, or false."""
+    """Yield each state that is missed, or false."""
     proof = result.proof
     _, entry, weight = assigned(proof.states, proof.weights)
     labels = result.labels.truths, result.labels.estimates
@@ -677,7 +677,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each switch, where its truth is, or was last."""
+    """Yield each switch, where its truth is, or was last."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

@@ -110,7 +110,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Values that every page with views needs."""
+    """Return values that every page with views needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -121,7 +121,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """Values that every page of a result shows."""
+    """Return values that every page of a result shows."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -161,7 +161,7 @@ USED_BY_TEMPLATES = {
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """Template of a page; it escapes all text."""
+    """Return the template of a page; it escapes all text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
@@ -180,7 +180,7 @@ def still_page(name: str, more_style: str = "", **values: object) -> str:
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws any."""
+    """Return pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws."""
     made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
     return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
@@ -205,14 +205,14 @@ def packed(arrays: dict[str, Ints]) -> str:
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     data = b"".join(planes)
     if len(data) > PLAIN:
-        # Only runs are looked for: a third of the time for the same size, as the rest is noise.
+        # Only runs are compressed, as the rest is noise: the same size in a third of the time.
         packer = zlib.compressobj(strategy=zlib.Z_RLE)
         data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
 
 
 def page_colours() -> str:
-    """Colours of all pictures as a style; paper is white."""
+    """Return colours of all pictures as a style; paper is white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -270,7 +270,7 @@ def document_page(document: rendering.Document, kind: str, subject: Any, *, draw
 
 
 # -------------------------------------------------------------------------------------------------
-# The page of a batch: who is best and how sure that is, job by job, part by part, over time.
+# The page of a batch: ranking and certainty, jobs, parts, values over time.
 #
 # Words and numbers from a template, without a script; the page loads nothing. Everything that comes
 # from the user passes through the autoescape of the template.
@@ -289,7 +289,7 @@ ALL_PAIRS = 5
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """Return the whole page, with curves if it draws any."""
     rows, ranked = tables.rows, tables.rankings
-    # Of several sets of parameters none is that of the batch.
+    # With several sets of parameters the batch has none of its own.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
@@ -327,7 +327,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
 
 
 def _shades() -> str:
-    """Shades of the heat table, on paper and on a dark screen, and the styles of groups."""
+    """Return shades of the heat table, on paper and on a dark screen, and the styles of groups."""
     light, dark = (
         " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
         for colours in (LIGHT, DARK)
@@ -344,7 +344,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """Names of the estimates and of the ground truth, as they were given."""
+    """Return names of the estimates and of the ground truth, as they were given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -401,13 +401,13 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
 
 
 def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str]:
-    """Left end and width in percent."""
+    """Return the left end and width in percent."""
     left, right = place(interval.lower), place(interval.upper)
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """All pairs of few entries, else the pairs of neighbours."""
+    """Yield all pairs of few entries, else the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:

@@ -49,7 +49,7 @@ MARGIN = 0.8
 
 
 def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Stacked bars of each step, or of the costliest of several."""
+    """Draw stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
     names = dict(zip(parts, parts, strict=True))
@@ -65,7 +65,7 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     begin, end = begin[first], end[np.append(first[1:], data.steps) - 1] if data.steps else end
     base = np.zeros(len(first))
     handles = []
-    # outlines leave something to see of bars that are narrow
+    # outlines keep narrow bars visible
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if data.steps else ():
         # A bar of no cost has no outline either.
@@ -89,7 +89,7 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def draw_nees(data: PlotData, style: Style) -> Figure | None:
-    """NEES of each step with its band; below it of particles the ranks of the truth."""
+    """Draw NEES of each step with its band; below it of particles the ranks of the truth."""
     nees = data.document.get("nees")
     if nees is None:
         return None
@@ -151,8 +151,8 @@ def _draw_lines(
 ) -> tuple[Figure, Axes]:
     """Draw a line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
-    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # one point is no line
-    width = axis.spines["left"].get_linewidth() * 1.3  # of the style
+    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # a single point needs a mark
+    width = axis.spines["left"].get_linewidth() * 1.3  # the width of the style
     handles = []
     for part, line in values.items():
         looks = {**LINES[part], **dot, "zorder": 2 + (part != "total") / 10, "clip_on": False}
@@ -168,7 +168,7 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Edges and values of consecutive bars, with gaps between those that do not touch."""
+    """Return edges and values of consecutive bars, with gaps between those that do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
@@ -204,7 +204,7 @@ THICK = 0.36
 
 
 def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Bars of the costliest steps, truths and estimates."""
+    """Draw bars of the costliest steps, truths and estimates."""
     shared = data.time.shared
     lists = {
         "steps": _costliest(
@@ -235,7 +235,7 @@ def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def _costs(side: SideData) -> dict[str, list[float]]:
-    """Costs of tracks by the names of the parts."""
+    """Return costs of tracks by the names of the parts."""
     table = side.table
     return {
         "localisation": table["localisation"],
@@ -247,7 +247,7 @@ def _costs(side: SideData) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Names and costs of the costliest, without those of no cost."""
+    """Return names and costs of the costliest, without those of no cost."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -262,13 +262,13 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Stacked bars from above, with the sum at the end of each; room for so many rows and words."""
+    """Draw stacked bars from above, with sums at their ends; room for so many rows and words."""
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # One artist for all: of each bar the hatches are made anew.
+            # One artist for all bars: separate ones would make their hatches anew.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -340,7 +340,7 @@ class Lanes:
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Positions of the lanes; NaN for tracks without a lane of their own."""
+        """Return positions of the lanes; NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
@@ -358,7 +358,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(data.steps, 1), style.bars)
-    # the least that is seen
+    # the smallest visible width
     pixel = (
         (data.time.edges[1][-1] - data.time.edges[0][0] if data.steps else 1) / _room(style) * 0.8
     )
@@ -384,7 +384,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 
 
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
-    """Lanes in the order of the files; of many those with events, of too many the costliest."""
+    """Return lanes in the order of the files; of many those with events or the costliest."""
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
     table = side.table
@@ -404,7 +404,7 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
     polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
-    made.set_in_layout(False)  # it lies inside the axes, and to find that out takes long
+    made.set_in_layout(False)  # inside the axes: finding that out takes long
     axis.add_collection(made, autolim=False)
     return made
 
@@ -452,12 +452,12 @@ def _bars(
 
 
 def _room(style: Style) -> float:
-    """Points across the lanes, about."""
+    """Return points across the lanes, about."""
     return (style.width - MARGIN) * 72
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Column in which each step is drawn."""
+    """Return the column in which each step is drawn."""
     return step * columns // max(steps, 1)
 
 
@@ -469,7 +469,7 @@ def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Lane and step of all that is unassigned, of lanes that are a number."""
+    """Return the lane and step of all that is unassigned, of lanes that are a number."""
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
     length = run["end"][kept] - run["begin"][kept] + 1
@@ -493,7 +493,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
+    """Draw errors as shares of the cutoff: darker feet of bars, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -541,7 +541,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
 def _switches(
     axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Triangles at the top of the lanes; small ones for parts of a switch."""
+    """Draw triangles at the top of the lanes; small ones for parts of a switch."""
     switches = data.switches
     if not len(switches["step"]):
         return {}
@@ -584,7 +584,7 @@ def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float
 
 
 def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
-    """Names of the lanes."""
+    """Write the names of the lanes."""
     places: list[float] = []
     names: list[str] = []
     for lanes in groups:

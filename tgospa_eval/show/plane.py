@@ -82,12 +82,12 @@ class Plane:
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.data.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
+        """Return the reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
         `packed` are lower triangles of C. Over the time it is the interval of the other column.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
-        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
+        odd = {self.across, self.up} - {*columns, TIME}  # the axes of centres of boxes
         if odd or self.across == self.up or not packed.shape[1]:
             return spans
         index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
@@ -121,12 +121,12 @@ class Plane:
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Rows of these, by default of all, around which there is something."""
+        """Return rows of these, by default of all, around which there is something."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
     def outlines(self, side: SideData, row: Ints) -> Floats:
-        """Outlines (K, corners, 2) around some states."""
+        """Return outlines (K, corners, 2) around some states."""
         sizes = self.extents[side.name][:, row]
         if not self.data.document["boxes"]:
             return ellipses(self.places[side.name][:, row], sizes)
@@ -135,7 +135,7 @@ class Plane:
 
 
 def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
-    """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
+    """Return outlines (K, corners, 2): z' C^-1 z = 1 around (2, K), C = [s^2, q; q, t^2].
 
     `sizes` are s, t and q, (3, K).
     With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
@@ -177,7 +177,9 @@ def surroundings(
             continue
         own = particles["row"][at]
         place = plane.data.places(particles["state"][at], side.row["step"][own])
-        count = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
+        count = np.bincount(own, minlength=len(colours))[
+            own
+        ]  # particles of a cloud have 1 / count on average
         area = speck * np.clip(particles["weight"][at] * count, 0.05, 20) * (1 if large else 0.4)
         looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
         looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
@@ -194,7 +196,7 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """States here and there along few trajectories around which there is something."""
+    """Return states here and there along few trajectories around which there is something."""
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
         row = plane.around(side) if sum(len(s.ids) for s in plane.data.sides) <= FEW else NO_ROWS
@@ -208,7 +210,7 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 
 
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
-    """States near the assigned pair that is farthest apart, a few steps before and after it.
+    """Return states near the farthest assigned pair, a few steps before and after it.
 
     Of associations those of its step. None where there are neither ellipses nor gates, or nothing
     to enlarge.
@@ -235,7 +237,7 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Lines from these estimates to the truths that they are assigned to, (2, 3 K)."""
+    """Return lines from these estimates to their truths, (2, 3 K)."""
     truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
@@ -293,7 +295,7 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 
 
 def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
-    """Trajectories with misses, false targets and switches."""
+    """Draw trajectories with misses, false targets and switches."""
     boxes = data.document["boxes"]
     across, up = plane_columns(data.document["columns"], columns)
     plane = Plane(data=data, across=across, up=up, style=style)
@@ -320,7 +322,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
             handles |= _lines(panel, side, places[side.name], style, data, many, fade)
     if sides:
         handles |= surroundings(axis, plane, rows_along(plane), SPECK)
-    if data.document["words"]:  # of an association
+    if data.document["words"]:  # an association has lines
         line = pairs(plane, np.arange(len(data.estimate.row["step"])))
         looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
         handles["pair"] = axis.plot(*line, **looks)[0]
@@ -345,7 +347,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
 
 
 def _name_axes(axis: Axes, plane: Plane) -> None:
-    """Names of both directions."""
+    """Name both directions."""
     for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
         if name == TIME:
             time_axis(axis, plane.data, plane.style, upright=upright)
@@ -384,7 +386,7 @@ def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Arti
     span = begin if begin == end else f"{begin} to {end}"
     what = "farthest pair" if (data.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
-    # last, and not fixed: the aspect may widen them
+    # set last and not fixed, as the aspect may widen them
     low, high = (end(np.concatenate([line.T, *points]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
@@ -398,7 +400,7 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Length of a unit upwards by that of one across, where both are places in one unit.
+    """Return the length of a unit upwards by that of one across, where both are places in one unit.
 
     `stretch` is that of a degree of latitude by one of longitude.
     """
@@ -423,7 +425,7 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    single = np.zeros(len(row["track"]), bool)  # a stretch of one state needs a mark
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
@@ -455,12 +457,12 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Heads of arrows where tracks end; their ids there of estimates, of truths where they begin.
+    """Draw heads of arrows where tracks end; with ids of estimates, of truths at their begin.
 
     Of many tracks those that cost most have them, as far as names do not lie on each other.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
-    scale = 72 * np.array(inches) / extent  # points of a unit
+    scale = 72 * np.array(inches) / extent  # points per unit
     taken: list[tuple[Floats, Floats]] = []
     for side in sides:
         place, truth = plane.places[side.name], side.name == "truth"
@@ -470,7 +472,7 @@ def _ends(
         for k in known[:NAMED]:
             first, last = ends[0][k], ends[1][k] - 1
             colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
-            before = place[:, max(first, last - 3)]  # noise of one step is no direction
+            before = place[:, max(first, last - 3)]  # a single step would be noise
             if not plane.timed and (before != place[:, last]).any():
                 arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
                 arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
@@ -492,7 +494,7 @@ def _ends(
 def _events(
     axis: Axes, data: PlotData, places: dict[str, Floats], style: Style
 ) -> dict[str, Artist]:
-    """Crosses, triangles and diamonds where something is wrong."""
+    """Draw crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
     for side, (name, looks) in zip(data.sides, MARKS.items(), strict=True):
         if side.name in places:
@@ -544,7 +546,7 @@ def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dic
 
 
 def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
-    """Middles and numbers of the points in each cell of a grid."""
+    """Return middles and numbers of the points in each cell of a grid."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)  # only NumPy 2.0 gives it two axes
@@ -581,7 +583,7 @@ def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
     style: Style,
 ) -> Figure:
-    """Trajectories in the plane, and a line for each over the times at which it has states.
+    """Draw trajectories in the plane, and a line for each over its times.
 
     Parameters
     ----------

@@ -182,13 +182,13 @@ class PlotData:
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """Values that the plane can show of states (R, d) at these steps."""
+        """Return values that the plane can show of states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
         shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
         return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
-        """Name of a side or a part."""
+        """Return the name of a side or a part."""
         return str(self.document["words"].get(name, name))
 
     @property
@@ -318,7 +318,7 @@ def data_of_sides(
     arrays: dict[str, Ints] = {}
 
     def coded(state: Floats, axis: int) -> Ints:
-        # halves, for the difference of two large numbers may overflow
+        # halves, as the difference of two large numbers may overflow
         value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
         return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
 
@@ -379,7 +379,7 @@ def data_of_sides(
 
 
 def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Particles of the clouds at every `every`-th step.
+    """Return particles of the clouds at every `every`-th step.
 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
     slot chooses them: each stands for the weight of the slots that fall on it.
@@ -394,7 +394,7 @@ def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         points, weights = clouds[part][int(row["cloud"][k] - first[part])]
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
-        if len(points) > 1:  # else it is a point
+        if len(points) > 1:  # a single one is a point
             particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
     return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
@@ -411,7 +411,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """State columns by name, of boxes with their centres."""
+    """Return state columns by name, of boxes with their centres."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -419,13 +419,13 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Length of a degree of latitude over one of longitude, at the mean latitude."""
+    """Return the length of a degree of latitude over one of longitude, at the mean latitude."""
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """(cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
+    """Return (cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -440,7 +440,7 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """One side of all parts, tracks numbered through; and its clouds."""
+    """Return one side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
     tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
@@ -479,7 +479,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and stays
+    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and is kept
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -503,7 +503,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Rows with these states and the shapes around them, sorted by track."""
+    """Return rows with these states and the shapes around them, sorted by track."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -513,7 +513,7 @@ def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Cloud
 
 
 def _runs(side: Rows) -> tuple[Ints, Ints]:
-    """First and last row of each run."""
+    """Return the first and last row of each run."""
     track, step = side["track"], side["step"]
     opens = np.ones(len(track), bool)
     opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1)
@@ -526,7 +526,7 @@ def _runs(side: Rows) -> tuple[Ints, Ints]:
 def _thinned(
     sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
-    """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
+    """Return the stride that draws about `VALUES` coordinates, and the rows by side."""
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
@@ -539,7 +539,7 @@ def _thinned(
 
 
 def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
-    """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
+    """Return rows to draw: every so many steps, ends of runs, and all that is unassigned."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
     keep = (side["step"] % stride == 0) | (side["other"] == NONE)
@@ -549,7 +549,7 @@ def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
 
 
 def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
-    """Origin and step of the grid on which each coordinate is encoded."""
+    """Return the origin and step of the grid on which each coordinate is encoded."""
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
@@ -603,7 +603,7 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
 
 
 def _repairs(result: Evaluation) -> Columns:
-    """Track numbers and steps of each repair, and the repair in words."""
+    """Return track numbers and steps of each repair, and the repair in words."""
     explained = explanation_of(result)
     repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
@@ -639,7 +639,7 @@ ANGLE = 64
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """Scales of the packed numbers of both sides; empty without ellipses.
+    """Return scales of the packed numbers of both sides; empty without ellipses.
 
     Parameters
     ----------
@@ -666,7 +666,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
 
 
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
-    """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
+    """Return arrays by name: encoded rows, sorted by track, and each of the entries.
 
     Those of every so many steps, and the first and the last of each track.
     """
@@ -682,7 +682,7 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 
 
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
-    """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
+    """Return lower triangles (K, d (d + 1) / 2) as whole numbers, an array for each entry."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     diagonal = rows == columns
     deviation = deviations(spread[:, diagonal])
@@ -696,7 +696,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
 
 
 def deviations(variances: Floats) -> Floats:
-    """Square roots of variances; overflowed ones have no picture."""
+    """Return square roots of variances; overflowed ones have no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
@@ -708,7 +708,7 @@ SHOWN_ROWS = 20
 
 
 def curves(result: Evaluation) -> dict[str, list[float]]:
-    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
+    """Return the normalised cumulative cost: the root of the mean cost of the steps up to each.
 
     (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
     last value of ``total`` is `normalised`. Where the curve was asked for, costs are
@@ -732,7 +732,7 @@ def rounded(values: list[float]) -> list[float]:
     """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be too small or too large
         factor = 10.0 ** (6 - np.floor(np.log10(size)))
         rounded = np.rint(exact * factor) / factor
     shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
@@ -740,7 +740,7 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
-    """First step and costliest step of each of at most so many bins of equal length."""
+    """Return the first and costliest step of each of at most so many bins of equal length."""
     together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
@@ -749,7 +749,7 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
+    """Return NEES of the first step of each stretch, with its own band, and ranks of particles."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {

@@ -108,14 +108,14 @@ def latex_comment(text: str) -> str:
 
 
 def xml(text: str) -> str:
-    """Lines of text in an element or an attribute of XML."""
+    """Escape lines of text for an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
     text = re.sub(_NO_XML, lambda match: f"\\u{ord(match[0]):04x}", text)
     return re.sub(_XML, lambda match: f"&#{ord(match[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
-    """Lines of text as the message of a workflow command."""
+    """Escape lines of text as the message of a workflow command."""
     text = "\n".join(map(visible, text.split("\n")))
     return text.replace("%", "%25").replace("\n", "%0A")
 
@@ -126,7 +126,7 @@ def workflow_property(text: str) -> str:
 
 
 def csv_cell(value: object) -> object:
-    """Value in a CSV table: one that a spreadsheet would take for a formula gets a ' in front.
+    """Return a value in a CSV table: one that looks like a formula gets a ' in front.
 
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
@@ -245,7 +245,7 @@ class Document:
 
 
 def as_text(document: Document) -> str:
-    """Text of a report for a terminal, 80 columns."""
+    """Return the text of a report for a terminal, 80 columns."""
     blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
@@ -256,7 +256,7 @@ def as_text(document: Document) -> str:
 
 
 def as_markdown(document: Document) -> str:
-    """Markdown of a report, for a pull request or a lab book."""
+    """Return the Markdown of a report, for a pull request or a lab book."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
     blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
@@ -267,7 +267,7 @@ def as_markdown(document: Document) -> str:
 
 
 def as_latex(document: Document, *, aligned: bool = False) -> str:
-    """Tables of the package booktabs; the words are comments.
+    """Return tables of the package booktabs; the words are comments.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
 
 
 def as_html(document: Document) -> str:
-    """HTML of a report, for a cell of a notebook."""
+    """Return the HTML of a report, for a cell of a notebook."""
     tables = "".join(line for table in document.tables for line in _html_lines(table))
     above, below = (
         "".join(f'<div style="opacity:.75;font-size:.92em">{xml(line)}</div>' for line in lines)
@@ -336,7 +336,7 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: most print no CSV
 
     lines: list[str] = []
-    # With both line ends as its own the writer quotes texts with either; files have one of them.
+    # The writer quotes texts with a line end of its own: here with both, though files have one.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -353,7 +353,7 @@ def _csv_column(column: Sequence[object]) -> Sequence[object]:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Rows for a terminal, in columns of the widths of the table, or of their widest cells.
+    """Return rows for a terminal, in columns of the widths of the table, or of the widest cells.
 
     A first cell that is longer than its column has a line of its own.
     """
@@ -383,7 +383,7 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
 def markdown_lines(
     table: Table, blank: str = "", escape: Callable[[str], str] = markdown
 ) -> list[str]:
-    """Rows between bars; `blank` is beside the dashes, `escape` is for cells that are words."""
+    """Return rows between bars; `blank` is beside the dashes, `escape` is for words."""
     rows = [
         "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
         for row in _cells(table, escape, "**{}**")
@@ -417,7 +417,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # After the end of a row LaTeX takes a bracket or a star for a setting of that.
+        # After the end of a row LaTeX reads a bracket or a star as its setting.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
@@ -444,7 +444,7 @@ def _of_siunitx(text: str, cell: str) -> str:
 def _cells(
     table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
 ) -> Iterator[list[str | None]]:
-    """Head and rows in the words of a language, all of one length."""
+    """Yield the head and rows in the words of a language, all of one length."""
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
         forms = (looks.get((k, at), "{}") for at in range(len(row)))
@@ -468,7 +468,7 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(table: Table) -> list[str]:
-    """Lines of a table with columns as wide as their contents.
+    """Return lines of a table with columns as wide as their contents.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first columns again: all of text that tell rows apart,
@@ -506,7 +506,7 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Width of the first column: all it needs, or the rest, or enough."""
+    """Return the width of the first column: all it needs, or the rest, or enough."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
     width = min(MIN_NAME_WIDTH, longest)
@@ -565,7 +565,7 @@ def or_dash(value: float | None, form: str) -> str:
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """One number if both ends look the same, else both."""
+    """Return one number if both ends look the same, else both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
@@ -580,7 +580,7 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Entries of rows as columns, with something before their names."""
+    """Return entries of rows as columns, with something before their names."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
@@ -591,7 +591,7 @@ def unit_of(parameters: Mapping[str, Any]) -> str:
 
 
 def size_of(sizes: Mapping[str, int]) -> str:
-    """Size of a problem in words."""
+    """Return the size of a problem in words."""
     return (
         f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
@@ -603,7 +603,7 @@ LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Given parameters of the metric, and the distance."""
+    """Format the given parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -683,7 +683,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Entries proven to be best, alone or as equals; or proven to have this place."""
+    """Return entries proven to be best, alone or as equals; or proven to have this place."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
@@ -691,7 +691,7 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Row and column of each value that is proven to be the least of its rivals.
+    """Return the row and column of each value that is proven to be the least of its rivals.
 
     Of the second `place` those that are proven to have that.
 
@@ -711,7 +711,7 @@ def best_cells(
 
 
 def equal_names(pairs: Iterable[Json]) -> set[str]:
-    """Names that share a place, for they are proven to be equal."""
+    """Return names that share a place, for they are proven to be equal."""
     equal = [pair for pair in pairs if pair["verdict"] == "equal"]
     return {pair[name] for pair in equal for name in ("first", "second")}
 

@@ -130,7 +130,7 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Table of the NEES and the cost of covariances, if all have a NEES.
+    """Yield the table of the NEES and the cost of covariances, if all have a NEES.
 
     Items have the costs of means and of spreads, and the record of NEES.
     """
@@ -156,7 +156,7 @@ def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
 
 
 def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetrics]:
-    """Other metrics of rows with columns such as ``with.hota.HOTA``."""
+    """Yield other metrics of rows with columns such as ``with.hota.HOTA``."""
     for row in rows:
         record: dict[str, dict[str, float]] = {}
         for column, value in ((str(name), value) for name, value in row.items()):
@@ -176,7 +176,7 @@ def direction(other: OtherMetrics) -> Iterator[str]:
 
 
 def other_columns(records: Sequence[OtherMetrics]) -> Columns:
-    """All numbers of the other metrics, a column each."""
+    """Return all numbers of the other metrics, a column each."""
     return {
         f"{key}_{name}": [record[key][name] for record in records]
         for key, record in records[0].items()
@@ -262,14 +262,14 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """Lines of the slices for a terminal."""
+    """Yield lines of the slices for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:
-    """Share of the total in percent."""
+    """Return the share of the total in percent."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"
 
 
@@ -344,7 +344,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
 
 
 def headline(result: Evaluation) -> str:
-    """Value and its precision in one sentence."""
+    """Return the value and its precision in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
@@ -383,7 +383,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
 
 
 def _unassigned(result: Evaluation) -> str:
-    """Cost of missed and of false targets."""
+    """Return the cost of missed and of false targets."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -407,7 +407,7 @@ def _power(value: float, order: float) -> str:
 
 
 def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
-    """Name, cost, share and count of each part, and what is counted."""
+    """Yield the name, cost, share and count of each part, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
@@ -438,7 +438,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """Report of a result for Markdown and LaTeX: a small table, and all that was requested."""
+    """Return a report for Markdown and LaTeX: a small table, and all that was requested."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
@@ -498,7 +498,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Value per step, and per object and step: its name, itself, and the divisor of the total."""
+    """Yield the value per step, and per object and step: name, value, divisor of the total."""
     evaluated_on, normalised = result.evaluated_on, result.normalised
     if evaluated_on.steps:
         yield "per step", result.quantity(normalised["tgospa"]), counted(evaluated_on.steps, "step")
@@ -518,13 +518,13 @@ def _scale(result: Evaluation) -> Iterator[str]:
 
 
 def _summary(result: Evaluation) -> Iterator[str]:
-    """Numbers of tracking, a line for each kind."""
+    """Yield numbers of tracking, a line for each kind."""
     for name, words in summary_of(result):
         yield from wrap(f"  {name:<13}  {words}", " " * 17)
 
 
 def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
-    """Numbers of tracking, each with its name."""
+    """Yield numbers of tracking, each with its name."""
     quantity = partial(result.quantity, digits=4)
     is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
     place = quantity if is_length else partial(number, digits=4)  # the unit is that of the distance
@@ -537,7 +537,7 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """Score of the value per step, and its scale, if it was requested."""
+    """Return the score of the value per step, and its scale, if it was requested."""
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
@@ -558,7 +558,7 @@ def _curve(result: Evaluation) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
     first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
-    each = 13 if first == 13 else 11  # so that long stamps have their place
+    each = 13 if first == 13 else 11  # leaves room for long stamps
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
@@ -591,7 +591,7 @@ def _known(met: Mask) -> str:
 def _rooted(
     table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
-    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    """Return the name, TGOSPA or its upper bound, and parts of the chosen rows."""
     return [
         (
             name,
@@ -630,7 +630,7 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Single repairs of the estimate that would save most, if they were requested."""
+    """Yield single repairs of the estimate that would save most, if they were requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -729,7 +729,7 @@ def repair_notes(explanation: Explanation) -> Iterator[str]:
 
 
 def explanation_document(explanation: Explanation) -> Document:
-    """Report of the largest costs and the repairs."""
+    """Return the report of the largest costs and the repairs."""
     result = explanation.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
@@ -772,7 +772,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """Lines of a block in its style; most have none."""
+    """Return lines of a block in its style; most have none."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -808,7 +808,7 @@ ROUNDING = 1e-9
 def association_text(
     pairing: "Pairing", *, rows: bool = True, limit: int = ROWS, rest: str | None = None
 ) -> str:
-    """Text of an association: counts, at most so many rows, and the place of the rest."""
+    """Return the text of an association: counts, at most `limit` rows, and where the rest is."""
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
@@ -823,7 +823,7 @@ def association_text(
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """Overall changes in words; the arguments are parts of the document."""
+    """Return overall changes in words; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],
@@ -853,7 +853,7 @@ def _aligned(
     limit: int = ROWS,
     rest: str | None = None,
 ) -> list[str]:
-    """Aligned columns; of many rows the first ones."""
+    """Return aligned columns; of many rows the first ones."""
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []
     if len(rows) > limit:

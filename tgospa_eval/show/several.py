@@ -75,7 +75,7 @@ def draw_errors(document: Json, style: Style) -> Figure | None:
 def _by_temperature(
     lines: Mapping[str, tuple[Sequence[Json], Sequence[Json]]], style: Style, where: str = ""
 ) -> Figure:
-    """Errors over the temperatures of runs, a line for each name."""
+    """Draw errors over the temperatures of runs, a line for each name."""
     made, ((axis,),) = figure(style.width, TALL * style.low)
     for k, (name, (runs, errors)) in enumerate(lines.items()):
         _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, style)
@@ -156,7 +156,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # from one power of ten to another, for there may be none in between
+    # from one power of ten to another, as there may be none in between
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -200,7 +200,7 @@ def _solved(document: Json) -> bool:
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Error over temperature, a line for each number of targets, at the largest number of steps."""
+    """Draw errors over temperature, a line for each number of targets, at most steps."""
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
     several = len(runs) > len(document["sizes"])
@@ -217,7 +217,7 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
-    """Time and error over targets at the most steps, and over steps at the most targets."""
+    """Draw time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
         return None
@@ -292,7 +292,7 @@ def _line(
     floor: float,
     style: Style,
 ) -> None:
-    """Means with a band of one standard deviation, at least `floor`; nothing where all failed."""
+    """Draw means with a band of one standard deviation, at least `floor`; nothing if all failed."""
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
         for at, value in zip(x, values, strict=True)
@@ -315,7 +315,7 @@ def _line(
 def draw_cumulative(
     costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
 ) -> Figure | None:
-    """Cost up to each step, a line for each estimate: of times and costs by name."""
+    """Draw the cost up to each step, a line for each estimate: of times and costs by name."""
     times, series = costs_of_steps
     if not any(series.values()):
         return None
@@ -349,7 +349,7 @@ LOGARITHMIC = 0.25
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
-    """Small multiples: the value and the four costs above, counts below the costs.
+    """Draw small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
     """
@@ -440,7 +440,7 @@ def draw_runs(
 
 
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
-    """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
+    """Draw RMS-TGOSPA of runs over time, with bands; a panel for each kind.
 
     Parameters
     ----------
@@ -553,7 +553,7 @@ def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -
 
 
 def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """Cost per step of each group, stacked."""
+    """Draw the cost per step of each group, stacked."""
     shown = [(group["name"] or "all jobs", group["costs"]) for group in tables.shown_groups]
     shown = shown[:MAX_BARS]
     if not shown:
@@ -620,7 +620,7 @@ def _numbers(axis: Axes, heat: Json) -> None:
 
 
 def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
-    """Names of rows, the first on top, or of columns."""
+    """Name rows, the first on top, or columns."""
     which = axis.yaxis if upright else axis.xaxis
     places = np.arange(len(names)) + 0.5
     which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)

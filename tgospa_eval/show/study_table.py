@@ -106,7 +106,7 @@ class StudyRow:
 
 
 def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
-    """Names of columns that there are.
+    """Return names of columns that there are.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def value_name(order: float | None, jobs: int) -> str:
 
 
 def study_caption(title: str, parameters: Mapping[str, Any]) -> str:
-    """Caption of the table for a paper."""
+    """Return the caption of the table for a paper."""
     about = parameters_of(parameters).replace("gamma", "\u03b3")
     return (
         f"{title} and its parts over runs and time steps{' (' * bool(about)}{about}"
@@ -204,7 +204,7 @@ Column = tuple[str, Sequence[str], list[Interval]]
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Column of a name; none if it has no values, unless it is `wanted`."""
+    """Yield the column of a name; none if it has no values, unless it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -278,7 +278,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Distance of the values above the least; values that differ by rounding are equal."""
+    """Return distances of the values above the smallest; rounding makes no difference."""
     smallest, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
     return [_exact(round((value.upper - smallest) / width)) for value in values]
@@ -299,13 +299,13 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Values with as many decimals as all have."""
+    """Return values with as many decimals as all have."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """Value with as many digits as `largest`, or both ends if these differ there."""
+    """Return the value with as many digits as `largest`, or both ends if these differ there."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
@@ -323,7 +323,7 @@ def costs_table(
     rivals: Sequence[Sequence[int]],
     caption: str = "",
 ) -> Table:
-    """TGOSPA, total and parts of a run, means where there are several; in state units^p."""
+    """Return TGOSPA, total and parts of a run, means where there are several; in state units^p."""
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [
         (

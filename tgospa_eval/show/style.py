@@ -100,7 +100,7 @@ _DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
 
 
 def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
-    """Shades of one colour, from little to much."""
+    """Return shades of one colour, from little to much."""
     paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
     darkest = _DARKEST[colours["paper"]]
     shares = (darkest * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
@@ -118,7 +118,7 @@ DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10
 
 
 def line_looks(k: int, *, marked: bool = False) -> dict[str, Any]:
-    """Colour and dashes of the k-th line, which differ in grey too; with its marker if `marked`."""
+    """Return colour and dashes of the k-th line, which differ in grey; and a marker if `marked`."""
     marker = {"marker": MARKERS[k % len(MARKERS)]} if marked else {}
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], **marker}
 

@@ -70,7 +70,7 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
 
 
 def _typical_gap(values: Floats) -> tuple[Floats, float]:
-    """Gaps between steps, and how long they usually are."""
+    """Return gaps between steps, and how long they usually are."""
     gaps = np.diff(values / 2) * 2 if len(values) > 1 else np.ones(1)
     return gaps, float(np.quantile(gaps, TYPICAL_QUANTILE, method="lower"))
 
@@ -153,7 +153,7 @@ class TimeAxis:
         return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
 
     def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
-        """Places of ticks, their names, and the name of the axis; `room` is for characters."""
+        """Return places and names of ticks, and the name of the axis; `room` is for characters."""
         if len(self.labels) == 1:
             return [(low + high) / 2], list(self.labels), "time"
         make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
@@ -174,7 +174,7 @@ class TimeAxis:
         origin = datetime.fromisoformat(self.axis["origin"])
         try:
             times = [origin + timedelta(seconds=at) for at in (*places, low, high)]
-        except OverflowError:  # beyond the year 9999
+        except OverflowError:  # years beyond 9999
             return self._steps(low, high, count)
         one_day, one_year = (len({time.strftime(form) for time in times}) == 1 for form in FORMS)
         form = "" if one_day else "%m-%d " if one_year else "%Y-%m-%d "
@@ -210,7 +210,7 @@ def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str
 
 
 def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
-    """Places of ticks in seconds, and how far they are apart."""
+    """Return places of ticks in seconds, and how far they are apart."""
     raw = (high - low) / count * (1 - 1e-9)
     if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
         places = nice(low, high, count)

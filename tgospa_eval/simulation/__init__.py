@@ -199,7 +199,7 @@ def simulate(
 def _tracks(
     truth: Floats, scene: Scene, tracker: Tracker, streams: list[np.random.Generator]
 ) -> Floats:
-    """Tracks that the tracker reports of the targets."""
+    """Return tracks that the tracker reports of the targets."""
     for_merges, for_noise, for_misses, for_swaps, for_losses = streams
     meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
     states = errors.confirm_late(truth, tracker.confirmation)
@@ -215,7 +215,7 @@ def _tracks(
 
 
 def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Floats:
-    """Centres (T, k, 2) to boxes (T, k, 4) as centre and size."""
+    """Turn centres (T, k, 2) into boxes (T, k, 4) as centre and size."""
     height = rng.uniform(area / 20, area / 8, centres.shape[1])
     size = np.stack((0.4 * height, height), axis=-1)
     return np.concatenate((centres, np.where(np.isnan(centres), np.nan, size)), axis=-1)
@@ -232,7 +232,7 @@ def _trajectories(
         digits = 5 - math.floor(math.log10(tracker.noise or 1.0)) * 2
         covariance = np.round(packed, digits)[..., [[0, 1], [1, 2]]]
     if scene.state == "box":
-        size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
+        size = np.maximum(states[..., 2:], scene.area / 100)  # a box keeps a size in spite of noise
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
     existing = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
     tracks = Trajectories.from_array(

@@ -144,14 +144,14 @@ def run_setting(
 
 
 def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
-    """Positions (T, m, 2), NaN where a target does not exist."""
+    """Return positions (T, m, 2), NaN where a target does not exist."""
     count, middle = len(setting.alive), (setting.steps + 1) // 2
     motion = np.array([[1.0, 1.0], [0.0, 1.0]])
     back = np.linalg.inv(motion)
     root = np.sqrt(setting.motion) * np.linalg.cholesky(np.array([[1 / 3, 1 / 2], [1 / 2, 1]]))
 
     def sample() -> Floats:
-        """Random change of position and velocity of each target and coordinate, (m, 2, 2)."""
+        """Return random changes of position and velocity of each target, (m, 2, 2)."""
         return np.asarray(rng.standard_normal((count, 2, 2)) @ root.T)
 
     start = np.sqrt(setting.spread) * rng.standard_normal((count, 2, 2))

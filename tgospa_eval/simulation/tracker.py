@@ -21,7 +21,7 @@ LARGEST_DEVIATE = 2.6
 def particle_clouds(
     centres: Floats, noise: float, count: int, decimals: int, rng: np.random.Generator
 ) -> Clouds:
-    """Clouds that stand for Gaussians around the centres (R, d), with a deviation of `noise`.
+    """Return clouds that stand for Gaussians around the centres (R, d), of deviation `noise`.
 
     Particles are drawn from a wider Gaussian and weighted with the ratio of the densities.
     Positions are rounded to so many decimals; weights are short decimals that sum to 1.
@@ -78,7 +78,7 @@ def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Flo
 
 
 def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
-    """Covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
+    """Return covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
 
     C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and v
     across it: the error along the line of sight is S / 2, across it grows with the range.
@@ -99,7 +99,7 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Positions (T, n, 2) to Gaussians (T, n, 5): the mean off by a draw from its covariance."""
+    """Turn positions (T, n, 2) into Gaussians (T, n, 5): the mean is drawn by its covariance."""
     packed = covariance_of_a_radar(states, deviation, area)
     xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
@@ -124,8 +124,8 @@ def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Gene
     """Exchange the two tracks of an encounter from its closest step on, with this probability."""
     chosen = meetings[rng.random(len(meetings)) < probability]
     chosen = chosen[np.argsort(chosen[:, 4], kind="stable")]
-    track = np.arange(states.shape[1])  # of each target, from one swap to the next
-    target = track.copy()  # of each track
+    track = np.arange(states.shape[1])  # the track of each target, from one swap to the next
+    target = track.copy()  # the target of each track
     swapped = np.empty_like(states)
     done = 0
     for first, second, _, _, closest in chosen.tolist():
@@ -177,7 +177,7 @@ def lag(states: Floats, steps: int) -> Floats:
 def false_tracks(
     steps: int, rate: float, length: tuple[int, int], area: float, rng: np.random.Generator
 ) -> Floats:
-    """Tracks of nothing, (T, f, 2).
+    """Return tracks of nothing, (T, f, 2).
 
     At every step Poisson(`rate`) of them begin. Lengths are uniform in {length[0], ..., length[1]}
     and end with the recording; the start is uniform in the square, the way a straight line with

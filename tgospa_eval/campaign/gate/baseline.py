@@ -116,7 +116,7 @@ ROUNDING_GAP = 1e-9
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
-    """Values that rules can name, with their brackets.
+    """Return values that rules can name, with their brackets.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def nights_of(entry: Json) -> list[Json]:
 
 
 def typical(entry: Json) -> Json:
-    """Values of an entry: of several nights their means, of roots those of what is added."""
+    """Return the values of an entry: means of several nights, by powers where values are roots."""
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
         values: Json = entry["values"]
@@ -289,7 +289,7 @@ def number_in(values: Json, name: str | None, path: str) -> float:
 
 
 def nested(values: Mapping[str, Any]) -> Json:
-    """Values by path, as in the JSON of a result."""
+    """Return values by path, as in the JSON of a result."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
@@ -468,7 +468,7 @@ def _contradiction(entry: Json) -> str | None:
 
 
 def patterns_of(names: set[str], everything: set[str]) -> list[str]:
-    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
+    """Return patterns that match only these names: `slow/*` where all of it is meant."""
     all_of, chosen_of = (
         Counter(name.partition("/")[0] for name in some if "/" in name)
         for some in (everything, names)

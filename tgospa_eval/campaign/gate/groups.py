@@ -298,7 +298,7 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """All groups of a table as one, if there are several that can be judged."""
+    """Return all groups of a table as one, if there are several that can be judged."""
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -341,7 +341,7 @@ def _group(
     old: Baseline,
     lost: Iterable[str],
 ) -> Group:
-    """One group, of names of runs of now and of the baseline."""
+    """Return one group, of names of runs of now and of the baseline."""
     scenes, notes = [], []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
@@ -418,7 +418,7 @@ class Stratum:
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
-        """Sum of squares of shares of single values, and its degrees of freedom.
+        """Return the sum of squares of shares of single values, and its degrees of freedom.
 
         No exchange changes them, as the hypothesis has the same mean on both sides.
         """
@@ -470,7 +470,7 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """Whether a test is made: there are seeds, and the rule is about a change."""
+        """True if a test is made: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
@@ -560,7 +560,7 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
 
 
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
-    """Strata of all scenes, each scene weighted by the inverse of the variance of its shares."""
+    """Return strata of all scenes, weighted by the inverse of the variance of their shares."""
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
     median = float(np.median(squares / freedom)) if len(scenes) else 0.0
@@ -584,7 +584,7 @@ def _now(one: Measured, part: Part) -> rules.Value:
 
 
 def _old(entry: Json, part: Part) -> Floats:
-    """Values of a run of the baseline, of all its nights."""
+    """Return values of a run of the baseline, of all its nights."""
     return np.array([number_in(night, *part) for night in nights_of(entry)])
 
 
@@ -671,7 +671,7 @@ POWER = 0.8
 
 
 def p_value(strata: Sequence[Stratum]) -> float:
-    """One-sided p value that the sum is above its limit; exact where it can be.
+    """Return one-sided p value that the sum is above its limit; exact where it can be.
 
     Parameters
     ----------
@@ -695,7 +695,7 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Share by which all runs have to be above the limit to be noticed, about.
+    """Return the share by which all runs have to be above the limit to be noticed, about.
 
     With probability `POWER`, by Student's t with the scatter of these runs; where they are just as
     many as needed, each of them has to be above. Infinite for fewer, or without scatter.

@@ -314,7 +314,7 @@ def _judge_all(
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Values of a row or what is wrong with it, and more for its outcome."""
+    """Return values of a row or what is wrong with it, and more for its outcome."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about

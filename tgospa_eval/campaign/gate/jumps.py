@@ -116,7 +116,7 @@ class Rises:
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Sum of squares of single values, of both sides, and its degrees of freedom."""
+        """Return the sum of squares of single values, of both sides, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
@@ -127,7 +127,7 @@ class Rises:
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """P values of each scene and of each of its runs, adjusted for the number of all of these."""
+    """Return p values of each scene and of each of its runs, adjusted for their number."""
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # The median of a chi-square variable is below its mean.
@@ -164,7 +164,7 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """One-sided, by Student's t with the moderated variance; 1 below the limit."""
+    """Return a one-sided p value, by Student's t with the moderated variance; 1 below the limit."""
     from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, median) = scatter, beside

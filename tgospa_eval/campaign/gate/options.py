@@ -120,7 +120,7 @@ class GateOptions(Values):
     config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
-        """Options of the evaluation from these sources, by field."""
+        """Return options of the evaluation from these sources, by field."""
         return {
             name: value
             for name, value in self.evaluation.items()

@@ -178,7 +178,7 @@ class Report:
         return shlex.join(self.again)
 
     def count(self, verdict: Verdict) -> int:
-        """Pairs of a verdict."""
+        """Count the pairs of a verdict."""
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
@@ -191,7 +191,7 @@ def evaluated_outcome(
     noisy: bool = False,
     **about: Any,
 ) -> PairOutcome:
-    """Verdict, findings and notes of a result against its entry of the baseline.
+    """Return verdict, findings and notes of a result against its entry of the baseline.
 
     Without an entry all rules are absolute limits. `noisy`: the pair is one of several runs with
     other seeds, of which one alone says nothing of an improvement. `about` has further fields.
@@ -221,7 +221,7 @@ def combined_outcome(
     more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Verdict, findings and notes of a group; faults are why it cannot be compared.
+    """Return verdict, findings and notes of a group; faults are why it cannot be compared.
 
     `dead` has a finding for each run that is dead.
     """
@@ -283,7 +283,7 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
+    """Return values that differ between two entries, without bounds: `tgospa` is the upper one."""
     values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
@@ -475,7 +475,7 @@ def texts(*numbers: float) -> list[str]:
 def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
-    """Outcomes of pairs of the baseline that are not among these names."""
+    """Return outcomes of pairs of the baseline that are not among these names."""
     gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
@@ -507,7 +507,7 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
-    """Arguments without an option that has a value."""
+    """Return arguments without an option that has a value."""
     kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)

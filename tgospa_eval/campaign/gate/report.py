@@ -145,7 +145,7 @@ SAID_OF = 3
 
 
 def shortened(names: Sequence[str], width: int) -> list[str]:
-    """Names in so many characters that differ where the names do, where that can be."""
+    """Shorten names to so many characters, different where the names differ, if that can be."""
     if max(map(len, names), default=0) <= width:
         return [*names]
     parts = [name.split("/") for name in names]
@@ -372,7 +372,7 @@ CUT = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
 
 def annotations(report: Report) -> Iterator[str]:
-    """Workflow commands: an error for each pair that does not pass, a warning if one warns."""
+    """Yield workflow commands: an error for each pair that does not pass, or a warning."""
     errors = [
         (title(outcome), "\n".join((outcome.verdict, *outcome.notes)))
         for outcome in report.outcomes
@@ -601,7 +601,7 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Seeds, and for each scene a cell for each seed; nothing without values."""
+    """Return seeds, and for each scene a cell for each seed; nothing without values."""
     scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:

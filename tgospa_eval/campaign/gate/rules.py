@@ -112,7 +112,7 @@ class Value(Interval):
 
     @classmethod
     def of(cls, number: float, unit: float = 1.0) -> "Value":
-        """One of the reported assignment, not proven."""
+        """Return a value of the reported assignment, not proven."""
         return cls(lower=number, upper=number, proven=False, unit=unit)
 
     @property
@@ -244,17 +244,17 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """Whether the change is proven by brackets of values on the same truths."""
+        """True if the change is proven by brackets of values on the same truths."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """Whether the rule only warns, and is not proven to hold."""
+        """True if the rule only warns, and is not proven to hold."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
     def improved(self) -> bool:
-        """Whether the value is better than the baseline by more than the rule's slack."""
+        """True if the value is better than the baseline by more than the rule's slack."""
         if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
@@ -339,7 +339,7 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """All rules of texts, each of which may be a list; the usual one where none says when to fail.
+    """Return all rules of texts, each of which may be a list; by default the usual one.
 
     Raises
     ------

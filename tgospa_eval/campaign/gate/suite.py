@@ -130,7 +130,7 @@ class Target:
         return _with_folders(self._listed(*DIFF, self.commit))
 
     def _listed(self, *arguments: str) -> list[str]:
-        """Paths that git lists, in the working tree.
+        """Return paths that git lists, in the working tree.
 
         Raises
         ------
@@ -168,14 +168,14 @@ def _places(path: str) -> set[str]:
 
 
 def _walk(folder: str) -> Iterator[str]:
-    """All files below a folder."""
+    """Yield all files below a folder."""
     for above, inner, names in os.walk(folder):
         inner[:] = sorted(name for name in inner if name != ".git")
         yield from (os.path.join(above, name) for name in sorted(names))
 
 
 def _with_folders(files: Iterable[str]) -> set[str]:
-    """Files, and the folders above them."""
+    """Return files, and the folders above them."""
     paths = set[str]()
     for file in files:
         while file not in paths:
@@ -244,7 +244,7 @@ class GroupTable:
 def load_suite(
     path: str, known: Mapping[str, bool], target: Target | None = None
 ) -> tuple[list[Job], list[GroupTable], str | None, list[str]]:
-    """Pairs and groups of a suite, its baseline if it names one, notices of what is passed over.
+    """Return pairs and groups of a suite, its baseline if it names one, notices of skipped files.
 
     Paths are relative to its folder; pairs are in its order, those of one pattern by name.
 
@@ -309,7 +309,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """All pairs, those that match with the rules of the table."""
+    """Return all pairs, those that match with the rules of the table."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -321,7 +321,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Rules, and rules that go before them."""
+    """Return rules, and rules that go before them."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -428,7 +428,7 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Pairs by patterns, whose truths or trackers the target has and the working tree lacks."""
+    """Yield pairs by patterns, whose truths or trackers only the target has."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():

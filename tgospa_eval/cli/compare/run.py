@@ -243,7 +243,7 @@ def compare_files(
     *,
     spare: bool,
 ) -> bool:
-    """One pair through several solvers; whether all did what was asked, and agree.
+    """Run one pair through several solvers; return whether all finished as requested, and agree.
 
     `spare` leaves out a referee that would take minutes.
 

@@ -155,7 +155,7 @@ FORCE = _output("--force", "Write into a folder with other files in it.")
 def report_format(
     make: Callable[..., Option] = option, csv: str = "csv", more: Sequence[str] = ()
 ) -> Option:
-    """``--format`` of a report; `more` are formats of one verb."""
+    """Return ``--format`` of a report; `more` are formats of one verb."""
     return make(
         "--format FORMAT",
         f"What to print: table, json, {csv}, markdown, latex, siunitx (LaTeX, aligned digits)."
@@ -234,7 +234,7 @@ def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
 
 
 def format_option(*names: str) -> Option:
-    """``--format`` of a verb with formats of its own, which no settings file chooses."""
+    """Return ``--format`` of a verb with formats of its own, which no settings file chooses."""
     return Option(
         f"--format [{'|'.join(names)}]",
         "What to print.",

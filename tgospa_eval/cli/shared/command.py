@@ -136,7 +136,7 @@ class Option(click.Option):
         return super().type_cast_value(ctx, value)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """Values that may follow; of a list with commas those of its last item."""
+        """Return values that may follow; of a list with commas those of its last item."""
         names = LISTED.get(self.key) or getattr(self.type, "choices", ())
         if not names:
             return super().shell_complete(ctx, incomplete)
@@ -151,7 +151,7 @@ class Option(click.Option):
         ]
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Names and text; a default in words needs no parentheses of its own."""
+        """Return names and text; a default in words needs no parentheses of its own."""
         names: Any = getattr(self.type, "choices", ())
         if isinstance(names, Registry) and self.help is not None:
             listed_names = re.findall(r"[\w-]+", self.help)
@@ -165,7 +165,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Without ranges, which the texts have in words."""
+        """Return extra help without ranges, which the texts have in words."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
@@ -219,7 +219,7 @@ def load_config(
 
 
 def _keys() -> dict[str, bool]:
-    """All keys; those of a gate are known when its verb is."""
+    """Return all keys; those of a gate are known when its verb is."""
     load("gate")
     return KEYS
 
@@ -277,7 +277,7 @@ def dashed(name: str) -> str:
 
 
 def typed_options(ctx: click.Context) -> set[str]:
-    """Parameters that the command line gives, not the environment nor a settings file."""
+    """Return parameters that the command line gives, not the environment nor a settings file."""
     source = ctx.get_parameter_source
     return {name for name in ctx.params if source(name) is ParameterSource.COMMANDLINE}
 
@@ -359,7 +359,7 @@ class Verb(click.Command):
     allow_extra_args = True  # messages of ours are longer than those of click
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """All options, with those of the help: one short, the others long."""
+        """Return all options, with those of the help: one short, the others long."""
         return [*super().get_params(ctx), SHORT_HELP]
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
@@ -375,7 +375,7 @@ class Verb(click.Command):
         self.format_options(ctx, formatter)
 
     def sections(self, ctx: click.Context) -> list[str]:
-        """Headings of its options."""
+        """Return headings of its options."""
         there = {
             getattr(item, "section", SECTIONS[-1])
             for item in self.get_params(ctx)
@@ -490,7 +490,7 @@ def long_options(command: click.Command) -> list[str]:
 
 
 def words(line: Iterable[str]) -> str:
-    """Arguments as they are typed in a shell; those of ours, in capitals, may be in brackets."""
+    """Return arguments as they are typed in a shell; ours, in capitals, may be in brackets."""
     from shlex import quote  # lazy: most command lines are right
 
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)

@@ -52,7 +52,7 @@ ADVICE = (
 
 
 def new_stopwatch(*, quiet: bool) -> Stopwatch:
-    """One whose sentences for the user are printed."""
+    """Return a stopwatch whose sentences for the user are printed."""
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.notify = print_notice
@@ -104,7 +104,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
 
 @contextmanager
 def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
-    """While the block works, show how far it is; Ctrl-C is heard by the block."""
+    """Show the progress while the block works; the block itself handles Ctrl-C."""
     stopwatch.progress = Progress(watched=True)
     if not show:
         yield

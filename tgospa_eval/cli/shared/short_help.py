@@ -159,7 +159,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
-    """Usage, what the verb does, an example, the usual options, and where the others are."""
+    """Return usage, the purpose of the verb, an example, usual options, and places of others."""
     verb = str(command.name)
     options = {
         name.lstrip("-"): item

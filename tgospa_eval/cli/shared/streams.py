@@ -106,7 +106,7 @@ def print_notices(text: str) -> None:
 
 
 def stderr_width() -> int:
-    """Columns of the terminal that stderr is; 0 if it is none, or does not answer."""
+    """Return columns of the terminal that stderr is; 0 if it is none, or does not answer."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError, AttributeError):

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 def diagnose(
     sides: "AlignedPair", request: "EvaluationRequest", *, sound: bool = False
 ) -> list[Notice]:
-    """Warnings about two sides, and what is to be told of gaps of the truth.
+    """Return warnings about two sides, and about gaps of the truth.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
 
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
-    """Gaps of the truth, and what the estimate reports in them."""
+    """Warn of gaps of the truth, and of estimates in them."""
     if sides.axis.made is None:
         return []
     parameters, matching = request.parameters, request.time_matching
@@ -295,7 +295,7 @@ PAIRS_AT_ONCE = 1 << 13
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
-    """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
+    """Return the median distance from a truth to the nearest estimate, over up to 100 steps.
 
     None if no step has both. Both sides must be on the same times.
     """
@@ -337,7 +337,7 @@ def default_notice(
     is_explained: bool = False,
     boxes: bool = False,
 ) -> Notice:
-    """One line about the defaults in use, with the scale of the data beside it.
+    """Describe the defaults in use in one line, with the scale of the data beside it.
 
     It is a warning where the default cutoff is below the median distance to the nearest estimate.
 

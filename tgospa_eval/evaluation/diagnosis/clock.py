@@ -154,7 +154,7 @@ class Timeline:
 
 
 def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float, float]:
-    """Median time between two states of a truth, and median speed."""
+    """Return the median time between two states of a truth, and median speed."""
     order = np.argsort(truth.track, kind="stable")
     row = places_of(np.diff(truth.track[order]) == 0)
     row = row[:: -(-len(row) // SEGMENTS) or 1]
@@ -251,7 +251,7 @@ class Fit:
 
     @property
     def is_close(self) -> bool:
-        """Whether a good part of the possible pairs is near."""
+        """True if a good part of the possible pairs is near."""
         possible = self.costs.possible
         steps = np.count_nonzero(self.pairs)
         return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * possible) and bool(
@@ -346,7 +346,7 @@ class Search:
 
     @property
     def is_possible(self) -> bool:
-        """Whether there are enough data."""
+        """True if there are enough data."""
         return (
             len(self.steps) >= FEWEST_STEPS
             and all(bool(np.isfinite(own).all()) for own in self.timestamps)
@@ -426,7 +426,7 @@ class Search:
     def _beside_displacement(
         self, tried: list[Fit]
     ) -> tuple[float, float, float] | tuple[()] | None:
-        """As of `offset`, where the estimate is displaced as well; None where that is not clear.
+        """Return the shift of a displaced estimate, as `offset` does; None if it is not clear.
 
         Nothing where it is displaced, and no shift fits better than none.
 
@@ -497,7 +497,7 @@ class Search:
         return Fit(shift, costs)
 
     def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
-        """Errors of the pairs as they were read, and velocities of their truths (N, d)."""
+        """Return errors of the pairs as they were read, and velocities of their truths (N, d)."""
         wanted = self.timestamps[1][self.steps] + fit.shift
         half = self.timeline.spacing / 2
         at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
@@ -539,7 +539,7 @@ class Search:
     def _spread(
         self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
     ) -> tuple[float, float]:
-        """Two standard errors of the shift, and how far the farthest rival is.
+        """Return two standard errors of the shift, and how far the farthest rival is.
 
         Near its maximum G is a parabola plus a line that noise tilts: what is lost by a shift, in
         its own standard errors, grows with the shift, and is 1 at two standard errors of the best.
@@ -567,7 +567,7 @@ class Search:
         return uncertainty, reach
 
     def _candidates(self) -> Floats:
-        """Shifts at which the most estimates are near a truth: local maxima of their gains."""
+        """Return shifts at which most estimates are near a truth: local maxima of their gains."""
         near, row = self._near_at_any_time()
         if not len(near.gain):
             return np.zeros(0)
@@ -590,7 +590,7 @@ class Search:
         return np.asarray(low + self.timeline.spacing * places[peaks])
 
     def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
-        """Pairs that are near, whatever their times, of some rows of the sample, and these."""
+        """Return pairs of sampled rows that are near, whatever their times, and these rows."""
         side, size = self.timeline.side, len(self.rows.row)
         truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
 
@@ -659,7 +659,7 @@ def clock_warnings(
 
 
 def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
-    """Stamps of no common stretch of time, but for a power of ten."""
+    """Warn of stamps without a common stretch of time, but for a power of ten."""
     truth, estimate = (side.times for side in sides)
     if sides[0].clock != "number" or not len(truth) or not len(estimate):
         return None
@@ -702,7 +702,7 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
 def _near_misses(
     times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
 ) -> Notice | None:
-    """Stamps that are not the same, and closer than 1 % of the median step."""
+    """Warn of stamps that differ by less than 1 % of the median step."""
     if aligned.common == aligned.union or not all(map(len, times)):
         return None
     steps = [step for step in map(median_step, times) if step is not None]
@@ -732,7 +732,7 @@ def _near_misses(
 
 
 def median_step(times: Times) -> float | None:
-    """Median distance of consecutive times, in the unit in which they are held."""
+    """Return the median distance of consecutive times, in the unit in which they are held."""
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
@@ -746,7 +746,7 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
 
 
 def _rounded_up(value: float) -> str:
-    """Two digits, not below the value but for the last digit of a double."""
+    """Round to two digits, not below the value but for the last digit of a double."""
     from decimal import ROUND_CEILING, Context
 
     rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
@@ -803,7 +803,7 @@ def find_clock(
     distance: Distance,
     given: Mapping[str, object],
 ) -> ClockError | None:
-    """Another clock of the estimate, where that fits better than all others; else None.
+    """Return another clock of the estimate, where that fits better than all others; else None.
 
     Parameters
     ----------
@@ -910,7 +910,7 @@ def _equal_timestamps(
 
 
 def _rounded(value: float, noise: float) -> float:
-    """Without digits that are far below the noise."""
+    """Round off digits that are far below the noise."""
     digits = math.ceil(-math.log10(noise / 2))
     return round(value, digits)
 

@@ -30,7 +30,7 @@ Rows = tuple[Ints, Ints]
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
-    """As if each truth, or each estimate, had its largest gain: the less of both (T,)."""
+    """Sum the largest gains of truths, or of estimates: the smaller sum of each step (T,)."""
     if kernels is not None:
         gains: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
         return gains
@@ -43,7 +43,7 @@ def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Flo
 
 
 def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
-    """Disjoint pairs, always the largest that is left: round by round the best of both.
+    """Return disjoint pairs, always the largest that is left: round by round the best of both.
 
     Of equal ones it is the first.
 
@@ -164,7 +164,7 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
 
 
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = SAMPLE) -> Ints:
-    """As many of the steps as may be looked at, evenly spread."""
+    """Return as many of the steps as can be examined, evenly spread."""
     count = max(1, min(len(steps), affordable(sides), limit))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
 
@@ -346,12 +346,12 @@ class Sample:
 
     @cached_property
     def is_bad(self) -> bool:
-        """Whether most truths and estimates have no counterpart."""
+        """True if most truths and estimates have no counterpart."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
-    """Share of the cost here that goes away there; 0 unless it is at least a half of most steps.
+    """Return the share of the cost that goes away there; 0 unless it is half of most steps.
 
     `fewest` is the number of steps, of which half must become cheaper. Objects that are not looked
     at there are taken to cost what objects without counterpart do: to look away saves nothing.

@@ -58,7 +58,7 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Ids that are one number, and different texts: 7 and 7.0."""
+    """Return ids that are one number, and different texts: 7 and 7.0."""
     ids = side.ids.tolist()
     pointed = [text for text in ids if "." in text]
     whole = {text for text in ids if text.isdigit()} if pointed else ()
@@ -159,7 +159,7 @@ def _saved(costs: StepCosts) -> float:
 
 
 def _lines(sample: Sample) -> Iterator[Floats]:
-    """Vectors (R or 1, d) as long as the cutoff on both or one of the first two axes of position.
+    """Yield vectors (R or 1, d) as long as the cutoff on both or one of the first two axes.
 
     They are the diagonals, the axes, and the direction in which the truths are spread most.
     """
@@ -245,7 +245,7 @@ class _Change:
 
 
 def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> float:
-    """Share of the cost that a change saves; 0 where that is not convincing."""
+    """Return the share of the cost that a change saves; 0 where that is not convincing."""
     there = sample.costs(change(sample.estimate))
     saved = saving(sample.here, there, min(len(sample.steps), 2))
     if not saved or len(there.taken) < fewest:
@@ -303,7 +303,7 @@ def _best(
 
 
 def _linear(sample: Sample) -> Iterator[_Change]:
-    """Other units, columns in another order, negated columns."""
+    """Yield other units, columns in another order, negated columns."""
     columns = sample.columns
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
@@ -342,7 +342,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
-    """Orders of the columns and signs, the simplest ones first, without the one that is none."""
+    """Yield orders of the columns and signs, the simplest ones first, without the identity."""
     size = len(columns)
     same = tuple(range(size))
     if columns == BOX:
@@ -372,7 +372,7 @@ def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]
 def _turned(
     columns: tuple[str, ...], order: tuple[int, ...], signs: Floats, offset: Floats | None = None
 ) -> _Change:
-    """Columns in another order, or negated, or both."""
+    """Return columns in another order, or negated, or both."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
     moved = [
         (name, columns[source])
@@ -400,7 +400,7 @@ def _turned(
 
 
 def _displaced(sample: Sample) -> Iterator[_Change]:
-    """Another origin, also of axes that are negated or exchanged."""
+    """Yield another origin, also of axes that are negated or exchanged."""
     columns = sample.columns
     size = len(columns)
     mean = None if sample.is_bad else _mean_difference(sample)
@@ -490,7 +490,7 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
 
 
 def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
-    """Rows of all pairs of some steps, about so many as votes are wanted."""
+    """Return rows of all pairs of some steps, about so many as votes are wanted."""
     counts = [np.bincount(side, minlength=steps) for side in (first, second)]
     starts = [np.concatenate(([0], np.cumsum(count))) for count in counts]
     pairs = counts[0] * counts[1]
