@@ -354,8 +354,8 @@ def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats
     pairs = prepared_pairs(both, cutoff, distance, resources, margin=margin)
     nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
     pairs = pairs.chosen(np.flatnonzero(nearer))
-    rows_of_others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
-    return np.bincount(rows_of_others, minlength=len(side.step)).astype(np.float64)
+    neighbours = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
+    return np.bincount(neighbours, minlength=len(side.step)).astype(np.float64)
 
 
 def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> str:
