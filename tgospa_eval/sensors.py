@@ -29,7 +29,7 @@ from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.distances.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.distances.transport import (
-    MOST_PARTICLES,
+    MAX_PARTICLES,
     POT_NEEDED,
     can_transport,
     cross_covariance,
@@ -379,7 +379,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
     # Without a warning for weights of single precision: they were normalised when read.
     exact = (
         cloud_wasserstein(*before, *after)
-        if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
+        if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2
         else None
     )
     return (

@@ -111,12 +111,12 @@ def test_the_way_to_the_gap(width: float, cost: float, gap: float, share: float)
 
 def test_what_cannot_be_stopped_is_left_behind() -> None:
     progress = Progress(watched=True)
-    assert progress.apart(lambda: 7) == 7
+    assert progress.in_thread(lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        progress.apart(lambda: 1 // 0)
+        progress.in_thread(lambda: 1 // 0)
     progress.stop.set()
     with pytest.raises(StoppedError):
-        progress.apart(lambda: progress.stop.wait() and Progress().stop.wait())
+        progress.in_thread(lambda: progress.stop.wait() and Progress().stop.wait())
 
 
 def test_parts_are_shares_of_the_whole() -> None:

@@ -27,7 +27,7 @@ WAYS = {
 def go(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the search go one of the ways; in the first two few pairs are compared without one."""
     if way not in ("as it is", "in stretches"):
-        monkeypatch.setattr(points, "MOST_PAIRS", -1)
+        monkeypatch.setattr(points, "MAX_PAIRS", -1)
     for name, value in WAYS[way].items():
         monkeypatch.setattr(pair_search if name == "ROWS_TOGETHER" else search, name, value)
 

@@ -45,7 +45,7 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import ROLES, runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
-from tgospa_eval.formats.options import parse_moments
+from tgospa_eval.formats.options import parse_time_range
 from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts

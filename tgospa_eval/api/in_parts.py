@@ -27,7 +27,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import floats, parse_times
-from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
+from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.objects import is_path
@@ -220,7 +220,7 @@ def is_recording(folder: str, columns: str) -> bool:
     from tgospa_eval.partitioned.files import stored  # lazy: most evaluations are of files
 
     files = [file.path for file, _ in stored(folder)]
-    formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}
+    formats = {FORMAT_OF_SUFFIX.get(os.path.splitext(name)[1]) for name in files}
     if formats == {"parquet"}:
         return True
     return (
@@ -288,7 +288,7 @@ def _needed(path: str) -> float:
     size = os.path.getsize(path)
     if size < FITS_ANYWHERE:
         return 0.0
-    format = ENDINGS.get(os.path.splitext(path.lower())[1])
+    format = FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
     if format == "csv":
         return float(TEXT * size)
     if format != "parquet":

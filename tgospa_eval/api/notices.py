@@ -19,7 +19,7 @@ from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.text import option
-from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
@@ -94,7 +94,7 @@ def pair_notices(
         yield Notice(text=text)
     if request.ignoring is not None:
         ignored, excused = (
-            bool(marks_of(side, NOT_JUDGED).any()) for side in (aligned.truth, aligned.estimate)
+            bool(marks_of(side, NOT_COUNTED).any()) for side in (aligned.truth, aligned.estimate)
         )
         for text in request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)

@@ -204,7 +204,7 @@ class Request(Values):
     max_input: float | None = _files(
         "--max-input GB",
         "Memory that reading one file may take; 0 for any.",
-        least=0,
+        low=0,
         shown="what is available",
         number=False,
         trusted=False,
@@ -313,7 +313,7 @@ class Request(Values):
         "--day-begins T",
         "Times of day before T are of the next day: for recordings that go over midnight, in both "
         "files. In the unit of the times, seconds for texts: 43200 is noon.",
-        least=0,
+        low=0,
         parts=FITTING,
     )
     time: str | None = _filters(
@@ -422,7 +422,7 @@ class Request(Values):
     jobs: int | None = _solver(
         "--jobs N",
         "Number of threads; the result does not depend on it.",
-        least=1,
+        low=1,
         shown="all cores",
         number=False,
         sensors=True,
@@ -448,8 +448,8 @@ class Request(Values):
     cloud_order: int | None = _particles(
         "--cloud-order 1|2",
         "Order of the Wasserstein distance, whatever the order p of the metric is.",
-        least=1,
-        most=2,
+        low=1,
+        high=2,
         shown="2",
     )
     inner: str | None = _particles(
@@ -467,7 +467,7 @@ class Request(Values):
     reduce: int | None = _particles(
         "--reduce N",
         "Reduce clouds to N particles first.",
-        least=1,
+        low=1,
     )
     reduce_method: str | None = _particles(
         "--reduce-method METHOD",
@@ -480,35 +480,35 @@ class Request(Values):
     directions: int | None = _particles(
         "--directions N",
         "Number of projections, of the sliced distances and of sliced and recursive.",
-        least=1,
+        low=1,
         shown="32; 24 each from 3-D on",
         methods=ITERATED[:2],
     )
     iterations: int | None = _particles(
         "--iterations N",
         "Most iterations of sliced, recursive, atl and kmeans.",
-        least=1,
+        low=1,
         shown="25",
         methods=ITERATED,
     )
     restarts: int | None = _particles(
         "--restarts N",
         "Number of starts of these four; the nearest result is kept.",
-        least=1,
+        low=1,
         shown="1",
         methods=ITERATED,
     )
     polish: int | None = _particles(
         "--polish N",
         "Number of atl iterations after sliced and recursive.",
-        least=0,
+        low=0,
         shown="0",
         methods=ITERATED[:2],
     )
     seed: int | None = _particles(
         "--seed N",
         "Seed of the random choices; equal clouds are reduced alike.",
-        least=0,
+        low=0,
         shown="0",
         methods=RANDOM,
     )
@@ -657,10 +657,10 @@ def _typed(name: str, value: str | float, where: str, key: str) -> Any:
         made = parse(value) if isinstance(value, str) else kind(value)
         if made is None:
             fault = f"{value!r} is no {right}"
-        elif (about.least is not None and made < about.least) or (
-            about.most is not None and made > about.most
+        elif (about.low is not None and made < about.low) or (
+            about.high is not None and made > about.high
         ):
-            ends = f"{about.least}<=x<={about.most}" if about.most else f"x>={about.least}"
+            ends = f"{about.low}<=x<={about.high}" if about.high else f"x>={about.low}"
             fault = f"{made} is not in the range {ends}."
     elif kind is str:
         made = str(value)
@@ -716,7 +716,7 @@ class BatchOptions(Values):
         "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
     )
     workers: int | None = _batch(
-        "--workers N", "Processes; by default as many as there are cores.", least=1
+        "--workers N", "Processes; by default as many as there are cores.", low=1
     )
     scheduler: str | None = _batch(
         "--scheduler ADDRESS", "Use the workers of a Dask cluster that is there: tcp://host:8786."

@@ -276,7 +276,7 @@ def _read(
 
     def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
         if objects.is_path(given[k]):
-            options = options.beside_others(paths, roles)
+            options = options.with_paths(paths, roles)
             options = replace(options, option="columns") if len(paths) == 1 else options
         about = roles[k], resolved.formats[k], names[k]
         return read(given[k], options, *about, columns=distance.columns, mapping=chosen)

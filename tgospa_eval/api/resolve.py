@@ -18,7 +18,7 @@ from tgospa_eval.evaluation.request import (
 from tgospa_eval.formats import ROLES, ReadOptions
 from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
-from tgospa_eval.formats.options import parse_moments, parse_steps, parse_where
+from tgospa_eval.formats.options import parse_steps, parse_time_range, parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
@@ -284,7 +284,7 @@ def _time_matching(options: Request) -> TimeMatching:
         max_gap=options.max_gap,
         resample=options.resample,
         period=options.period,
-        steps=parse_steps(options.steps, parse_moments(options.time)),
+        steps=parse_steps(options.steps, parse_time_range(options.time)),
         outage=options.outage,
     )
 

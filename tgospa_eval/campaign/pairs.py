@@ -140,8 +140,8 @@ def match(
 
     Arguments as of `of_patterns`; a truth without fields is one without values.
     """
-    truths, passed_over = patterns.meant(truth, folders[0], output=output, inside=inside)
-    estimates, more = patterns.meant(
+    truths, passed_over = patterns.match_files(truth, folders[0], output=output, inside=inside)
+    estimates, more = patterns.match_files(
         estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
     )
     values = [own for _, own in truths] if patterns.fields(truth) else [{}]
@@ -246,7 +246,7 @@ def of_layout(
     wrong = [
         _elsewhere(layout, shape, folder)
         for shape, folder in zip(shapes, folders, strict=True)
-        if next(patterns.found(shape, folder), None) is None
+        if next(patterns.matching_paths(shape, folder), None) is None
     ]
     if wrong:
         raise ConfigError(*wrong)
@@ -260,7 +260,7 @@ def layout_of(truth: str, trackers: str) -> str | None:
     """Return the layout that two folders have, if it is one of these."""
     for layout, shapes in LAYOUTS.items():
         if all(
-            next(patterns.found(shape, folder), None)
+            next(patterns.matching_paths(shape, folder), None)
             for shape, folder in zip(shapes, (truth, trackers), strict=True)
         ):
             return layout
@@ -274,9 +274,9 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
     near = []
     for level in range(1, NEARBY_LEVELS + 1):
         above = os.path.normpath(os.path.join(folder, *[os.pardir] * level))
-        near += [above] if next(patterns.found(shape, above), None) else []
+        near += [above] if next(patterns.matching_paths(shape, above), None) else []
         inner = "/".join(f"{{inner{k}}}" for k in range(level))
-        below = (values for _, values in patterns.found(f"{inner}/{shape}", folder))
+        below = (values for _, values in patterns.matching_paths(f"{inner}/{shape}", folder))
         near += sorted({os.path.join(folder, patterns.fill(inner, values)) for values in below})
     name = f"; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}" if near else ""
     return f"{folder}: has no {shape}, which {option('layout', layout)} looks for{name}"
@@ -529,7 +529,7 @@ def is_pattern(path: str) -> bool:
 def first_file(pattern: str) -> str | None:
     """Return the first file that matches a pattern."""
     shape = pattern.replace("*", AS_FIELD, 1)
-    return next((name for name, _ in patterns.found(shape, inside=runs_inside)), None)
+    return next((name for name, _ in patterns.matching_paths(shape, inside=runs_inside)), None)
 
 
 def compared_runs(
@@ -563,7 +563,9 @@ def compared_runs(
             each.append(path)
             notices |= _hidden(path)
             continue
-        files, left = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
+        files, left = patterns.match_files(
+            path, output=output, truth=(truth, ""), inside=runs_inside
+        )
         notices |= {why if why == patterns.DOTTED else text: text for why, text in left.items()}
         groups = groups_of(_values(path, files, left.values()), own_fields)
         for text in itertools.chain(*(group.values() for group in groups)):

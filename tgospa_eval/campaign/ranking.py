@@ -59,7 +59,7 @@ from tgospa_eval.show.rendering import RULES, Rule
 from tgospa_eval.show.result_text import COMPARED
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, incomparable, judge_alike, judged_of
+from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, coverage_of, incomparable, judge_alike
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -656,7 +656,7 @@ def _ranking(
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
         jobs = common[common["_pair"] == kinds.index[kinds > 1][0]]
-        wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
+        wrong = incomparable({row[column]: coverage_of(row) for row in jobs.to_dict("records")})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
     names, totals = _side_by_side(common, column, names)

@@ -1,1 +1,1 @@
-"""What every stage uses and none is about: messages, files, progress, numbers as text."""
+"""Helpers of every room: messages, files, progress, numbers as text."""

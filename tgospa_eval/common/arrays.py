@@ -13,22 +13,22 @@ Mask = NDArray[np.bool_]
 
 
 def concatenated(begin: Ints, count: Ints) -> Ints:
-    """The numbers begin[i], begin[i] + 1, ... of each range, as many as its count."""
+    """Return the numbers begin[i], begin[i] + 1, ... of each range, as many as its count."""
     end = count.cumsum()
     numbers: Ints = (begin - end + count).repeat(count)
     numbers += np.arange(len(numbers))
     return numbers
 
 
-def stretches(count: Ints, most: int) -> Ints:
-    """Where to cut a list of so many things each into stretches of about `most`, and its end."""
+def stretches(count: Ints, size: int) -> Ints:
+    """Return where to cut items of so many things into stretches of about `size`, and the end."""
     before = np.cumsum(count) - count
-    begins: Ints = np.append(np.flatnonzero(np.diff(before // most, prepend=-1)), len(count))
+    begins: Ints = np.append(np.flatnonzero(np.diff(before // size, prepend=-1)), len(count))
     return begins
 
 
-def in_batches(items: Iterable[T], size: Callable[[T], int], most: int) -> Iterator[list[T]]:
-    """The items in lists that each have at least `most` together, but for the last.
+def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) -> Iterator[list[T]]:
+    """Yield the items in lists of at least `batch_size` together, except for the last.
 
     It is one list, emptied before more is put in: no two batches are in memory together.
     """
@@ -37,7 +37,7 @@ def in_batches(items: Iterable[T], size: Callable[[T], int], most: int) -> Itera
     for item in items:
         batch.append(item)
         total += size(item)
-        if total >= most:
+        if total >= batch_size:
             yield batch
             batch.clear()
             total = 0
@@ -46,17 +46,17 @@ def in_batches(items: Iterable[T], size: Callable[[T], int], most: int) -> Itera
 
 
 def places_of(flags: NDArray[np.generic]) -> NDArray[np.intp]:
-    """`np.flatnonzero` of an array of one axis, in a single call: in small ones the calls count."""
+    """Return `np.flatnonzero` of an array of one axis; one call is fast for small ones."""
     return flags.nonzero()[0]
 
 
 def index_type(size: int) -> type[np.integer]:
-    """Of positions among so many: 32 bits where that is enough."""
+    """Return the type of positions among so many: 32 bits if that is enough."""
     return np.int32 if size < 2**31 else np.int64
 
 
 def median(values: NDArray[np.number]) -> float:
-    """Without np.median, which imports numpy.ma, slower than all else."""
+    """Return the median without np.median, which imports numpy.ma, slower than all else."""
     ordered = np.sort(values)
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
 

@@ -46,18 +46,18 @@ class SettingsFile:
         return f"settings from {self.path}: {shown}" if shown else f"no setting from {self.path}"
 
     def only(self, names: Collection[str]) -> "SettingsFile":
-        """The same, as far as it sets these options."""
+        """Return the file restricted to these options."""
         kept = {name: value for name, value in self.options.items() if name in names}
         return replace(self, options=kept)
 
 
 def settings_field(used: SettingsFile | None) -> dict[str, Any]:
-    """What documents say of the file in use."""
+    """Return the entry of documents about the settings file."""
     return {} if used is None else {"settings_file": dict(vars(used))}
 
 
 def read_here(path: str) -> bytes | None:
-    """The content of a file; None without one.
+    """Read the content of a file; None without one.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def load(
 
 
 def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool]) -> Settings:
-    """The settings of a table, as `load` returns them; `path` begins the messages.
+    """Return the settings of a table, as `load` does; `path` begins the messages.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
         name = key.replace("_", "-")
         name = ALIASES.get(name, name)
         if name not in known:
-            raise ConfigError(f"{path}: unknown key {quoted(key)}; {_meant(name, known)}")
+            raise ConfigError(f"{path}: unknown key {quoted(key)}; {_suggestion(name, known)}")
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, int | float) and abs(number) > LARGEST_NUMBER:
                 raise ConfigError(
@@ -154,13 +154,13 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
 
 
 def _shown(value: str | float | bool) -> str:
-    """A value as TOML has it."""
+    """Format a value as TOML."""
     return quoted(value) if isinstance(value, str) else str(value).lower()
 
 
-def _meant(name: str, known: Iterable[str]) -> str:
-    """The key that was meant, or all that there are."""
-    from difflib import get_close_matches  # lazy: most files are right
+def _suggestion(name: str, known: Iterable[str]) -> str:
+    """Return a remedy for an unknown key: a similar one, or all known ones."""
+    from difflib import get_close_matches  # lazy: for mistakes only
 
     near = get_close_matches(name, known, 1)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
@@ -172,22 +172,22 @@ def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
         return FILE, read_toml(FILE, content)
     try:
         content = read("pyproject.toml") or b""
-        # The name of our table alone: parsing costs a start some 15 ms.
-        found = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
+        # Look for the name of our table first: parsing costs 15 ms of a start.
+        has_table = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
     except ConfigError:
-        return None, {}  # somebody else's broken file is not ours to report
-    table = section(found) if found else None
+        return None, {}  # a broken file that is not ours is not reported
+    table = section(has_table) if has_table else None
     return (None, {}) if table is None else ("pyproject.toml", table)
 
 
 def section(document: Mapping[str, object]) -> object:
-    """Our table of ``pyproject.toml``; None without one."""
+    """Return our table of ``pyproject.toml``; None without one."""
     tool = document.get("tool")
     return tool.get(TOOL_TABLE) if isinstance(tool, dict) else None
 
 
 def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
-    """The tables of a TOML file, of what is in it if that was read elsewhere.
+    """Parse a TOML file, from its content if that was read elsewhere.
 
     Raises
     ------
@@ -202,17 +202,17 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
         return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
         raise ConfigError(f"{path}: not valid TOML: nested too deeply") from None
-    except ValueError as error:  # of TOML, of UTF-8, of integers with thousands of digits
+    except ValueError as error:  # errors of TOML, UTF-8 or huge integers
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
 
 
 # -------------------------------------------------------------------------------------------------
-# Options: what is known of them, beside the fields of the records that hold their values.
+# Options: their properties, beside the fields of the records with their values.
 
 
 @dataclass(frozen=True)
 class OptionSpec:
-    """What is known of a field that is an option.
+    """Properties of a field that is an option.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ class OptionSpec:
         Its values, if they are few; or members, which other packages may add to.
     kind : str
         Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
-    least, most : int, optional
+    low, high : int, optional
         Of a number.
     shown : str
         The default in words.
@@ -255,8 +255,8 @@ class OptionSpec:
     help: str
     choices: Collection[str] = ()
     kind: str = ""
-    least: int | None = None
-    most: int | None = None
+    low: int | None = None
+    high: int | None = None
     shown: str = ""
     number: bool = True
     trusted: bool = True
@@ -289,12 +289,12 @@ class Values:
 
     @classmethod
     def of(cls, values: Mapping[str, object]) -> Self:
-        """From all options of a verb by parameter, those of others left aside."""
+        """Build the record from all options of a verb, without those of other records."""
         names = {field.name for field in dataclasses.fields(cls)}
         return cls(**{name: value for name, value in values.items() if name in names})
 
     @classmethod
     def settings(cls) -> dict[str, OptionSpec]:
-        """What is known of the fields that have an option."""
+        """Return the specification of each field that is an option."""
         fields = dataclasses.fields(cls)
         return {one.name: one.metadata["setting"] for one in fields if one.metadata}

@@ -66,7 +66,7 @@ TIME = FieldKind(
 
 
 def or_null(kind: FieldKind) -> FieldKind:
-    """The same, or null."""
+    """Describe the same value, or null."""
     return FieldKind(f"{kind.name}, or null", lambda value: value is None or kind.fits(value))
 
 
@@ -74,12 +74,12 @@ NULL = FieldKind("null", lambda value: value is None)
 
 
 def one_of(*values: str) -> FieldKind:
-    """One of some texts."""
+    """Describe one of some texts."""
     return FieldKind(f"one of {', '.join(values)}", lambda value: value in values)
 
 
 def fault(value: object, description: Any, place: str = "") -> str | None:
-    """The first fault of a value: where, what is there, and what is expected; None if it fits.
+    """Return the first fault of a value: where, what it is, and what is expected; None if it fits.
 
     Parameters
     ----------
@@ -103,13 +103,13 @@ def fault(value: object, description: Any, place: str = "") -> str | None:
 
 
 def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: str) -> Iterator[str]:
-    """The faults of the fields of an object."""
-    others = description.get(...)
+    """Yield the faults of the fields of an object."""
+    any_other = description.get(...)
     for name, own in description.items():
         if name is not ... and name not in value and not isinstance(own, Maybe):
             yield f"{begin}{name}: is missing; expected {_expected(own)}"
     for name, item in value.items():
-        own = description.get(name, others)
+        own = description.get(name, any_other)
         place = f"{begin}{clipped(name)}"
         if own is not None:
             wrong = fault(item, own.description if isinstance(own, Maybe) else own, place)
@@ -120,21 +120,21 @@ def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: st
 
 
 def _expected(description: Any) -> str:
-    """A description in words."""
+    """Format a description in words."""
     if isinstance(description, FieldKind):
         return description.name
     return "a list" if isinstance(description, list) else "an object"
 
 
 def shown(value: object) -> str:
-    """A value in words: short, as JSON has it."""
+    """Format a value in words: short, as in JSON."""
     if isinstance(value, dict | list):
         return "an object" if isinstance(value, dict) else "a list"
     return clipped(json.dumps(value, ensure_ascii=False, default=str))
 
 
 def strict_json(text: str | bytes) -> Any:
-    """The value of a JSON text without NaN, infinities and repeated names.
+    """Parse a JSON text without NaN, infinities and repeated names.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """An object whose names are all different: JSON would take the last of two."""
+    """Build an object of distinct names: JSON would take the last of two."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if name in members:
@@ -164,7 +164,7 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def checked(text: str | bytes, description: Any, place: str = "") -> Any:
-    """The value of a JSON text that fits a description.
+    """Parse a JSON text, and check that it fits a description.
 
     Raises
     ------
@@ -188,9 +188,9 @@ def read_document(
     kind: type[TgospaError] = InputError,
     *,
     remedy: str,
-    most: int = SETTINGS,
+    limit: int = SETTINGS,
 ) -> dict[str, Any]:
-    """The document of a file.
+    """Read the document of a file.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def read_document(
         Of the error.
     remedy : str
         What would be right.
-    most : int
+    limit : int
         Bytes that it has at most.
 
     Raises
@@ -212,7 +212,9 @@ def read_document(
     kind
         It cannot be read, or is no such document.
     """
-    return document_of(read_bytes(path, kind, most), path, schema, description, kind, remedy=remedy)
+    return document_of(
+        read_bytes(path, kind, limit), path, schema, description, kind, remedy=remedy
+    )
 
 
 def document_of(
@@ -224,7 +226,7 @@ def document_of(
     *,
     remedy: str,
 ) -> dict[str, Any]:
-    """The document in the content of a file; arguments and errors as of `read_document`."""
+    """Parse the document in the content of a file; arguments and errors as of `read_document`."""
     try:
         document: dict[str, Any] = strict_json(content)
         own = document.get("schema") if isinstance(document, dict) else None

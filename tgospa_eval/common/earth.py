@@ -10,7 +10,7 @@ from tgospa_eval.text import option, quoted
 
 def _pyproj(what: str) -> Any:
     try:
-        import pyproj  # lazy: of an extra
+        import pyproj  # lazy: an extra
     except ImportError:
         raise ConfigError(f"{what} needs the extra geo: {install('geo')}") from None
     return pyproj
@@ -18,7 +18,7 @@ def _pyproj(what: str) -> Any:
 
 @functools.cache
 def ellipsoid() -> Any:
-    """Shortest paths on WGS 84, a ``pyproj.Geod``.
+    """Return the WGS 84 ellipsoid for shortest paths, a ``pyproj.Geod``.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def ellipsoid() -> Any:
 
 @functools.lru_cache(maxsize=8)
 def from_crs(text: str, option: str) -> Any:
-    """From a projected system, x eastwards and y northwards, to longitude and latitude.
+    """Return the transformation of a projected system, x eastwards, to longitude and latitude.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def from_crs(text: str, option: str) -> Any:
 
 @functools.lru_cache(maxsize=8)
 def topocentric(latitude: float, longitude: float, height: float) -> Any:
-    """From longitude, latitude and height to metres east, north and up of a place."""
+    """Return the transformation of longitude, latitude and height to metres east, north and up."""
     return _pyproj(option("origin")).Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
         " +step +proj=cart +ellps=WGS84"

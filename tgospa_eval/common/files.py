@@ -25,7 +25,7 @@ PIPE_PATIENCE = 2.0
 
 
 def _silent(text: str) -> None:
-    """A library prints nothing."""
+    """Print nothing, as is right for a library."""
 
 
 announce: Callable[[str], None] = _silent
@@ -44,7 +44,7 @@ def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> 
 
 
 def reason(error: Exception) -> str:
-    """The message of the system, without its numbers."""
+    """Return the system's message about an error, without its numbers."""
     if isinstance(error, FileNotFoundError) and not os.path.isabs(error.filename or ""):
         try:
             os.getcwd()
@@ -66,9 +66,9 @@ def patience(path: str, what: str) -> Iterator[None]:
 
 
 def read_bytes(
-    path: str, kind: type[TgospaError], most: int = SETTINGS, remedy: str = "name another file"
+    path: str, kind: type[TgospaError], max_bytes: int = SETTINGS, remedy: str = "name another file"
 ) -> bytes:
-    """The content of a file, of at most so many bytes.
+    """Read the content of a file, up to a size.
 
     Raises
     ------
@@ -77,60 +77,60 @@ def read_bytes(
     """
     with named(path, kind):
         if path == STDIN:
-            return _of_stdin(kind, most, remedy)
-        found = os.stat(path)
-        if stat.S_ISDIR(found.st_mode):  # Windows says "permission denied"
+            return _of_stdin(kind, max_bytes, remedy)
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):  # Windows says "permission denied"
             raise kind(f"{path}: is a folder, not a file")
-        size, content = found.st_size, b""
-        if not stat.S_ISREG(found.st_mode):
-            content = b"".join(_pieces(path, path, most))
+        size, content = status.st_size, b""
+        if not stat.S_ISREG(status.st_mode):
+            content = b"".join(_pieces(path, path, max_bytes))
             size = len(content)
-        elif size <= most:
-            with open(path, "rb", buffering=0) as file:  # all at once needs no buffer
+        elif size <= max_bytes:
+            with open(path, "rb", buffering=0) as file:  # reading all at once needs no buffer
                 content = file.readall()
-    if size > most:
-        raise kind(f"{path}: larger than {most >> 20} MiB; {remedy}")
+    if size > max_bytes:
+        raise kind(f"{path}: larger than {max_bytes >> 20} MiB; {remedy}")
     return content
 
 
-def _of_stdin(kind: type[TgospaError], most: int, remedy: str) -> bytes:
-    """What comes from the standard input, which ends once: it is kept for whoever asks again."""
+def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
+    """Read the standard input, which ends once, and keep it for later calls."""
     if sys.stdin is None:
         raise kind(f"{STDIN}: there is none, it is closed; name a file")
     kept = _kept(sys.stdin)
     if not kept:
-        kept.append(b"".join(_pieces(STDIN, os.dup(sys.stdin.fileno()), most)))
+        kept.append(b"".join(_pieces(STDIN, os.dup(sys.stdin.fileno()), max_bytes)))
     content = kept[0]
-    if len(content) > most:
-        raise kind(f"{STDIN}: larger than {most >> 20} MiB; {remedy}")
+    if len(content) > max_bytes:
+        raise kind(f"{STDIN}: larger than {max_bytes >> 20} MiB; {remedy}")
     return content
 
 
 @lru_cache(maxsize=1)
 def _kept(stream: TextIO) -> list[bytes]:  # noqa: ARG001
-    """What came from a stream, once it did."""
+    """Return the list that keeps what was read from a stream."""
     return []
 
 
-def _pieces(path: str, source: str | int, most: int) -> Iterator[bytes]:
-    """What comes from a pipe or a device, up to its end or a little more than the most."""
+def _pieces(path: str, source: str | int, max_bytes: int) -> Iterator[bytes]:
+    """Yield the content of a pipe or a device, up to its end or a little more than `max_bytes`."""
     with patience(path, "data from"):
         file = open(source, "rb", buffering=0)  # noqa: SIM115
         piece = file.read(CHUNK)
     with file:
-        while piece and most >= 0:
+        while piece and max_bytes >= 0:
             yield piece
-            most -= len(piece)
+            max_bytes -= len(piece)
             piece = file.read(CHUNK)
 
 
 def is_regular(path: str) -> bool:
-    """Whether it is a file with content of its own: no folder, pipe, socket or device."""
+    """Return whether a path is a file with content: no folder, pipe, socket or device."""
     return stat.S_ISREG(os.stat(path).st_mode)
 
 
 def is_missing(path: str) -> bool:
-    """Whether there is none; one that cannot be looked at may be there."""
+    """Return whether there is no such file; one that cannot be examined may exist."""
     try:
         os.stat(path)
     except FileNotFoundError:

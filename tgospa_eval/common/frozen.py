@@ -11,14 +11,14 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 if TYPE_CHECKING:
-    from dataclasses import dataclass as dataclass  # these words say that it is for others
+    from dataclasses import dataclass as dataclass  # `as` makes it public
 else:
     T = TypeVar("T")
 
     def dataclass(
         *, frozen: bool, kw_only: bool = False, eq: bool = True, repr: bool = True
     ) -> Callable[[type[T]], type[T]]:
-        """As `dataclasses.dataclass`; `fields`, `replace` and `asdict` know these records too.
+        """Make a class a record as `dataclasses` does; its `fields`, `replace` and `asdict` work.
 
         Parameters
         ----------
@@ -53,12 +53,12 @@ R = TypeVar("R")
 
 
 def replace(record: R, **changes: Any) -> R:
-    """As `dataclasses.replace` of one of these records, in a fraction of the time."""
+    """Copy a record with changes, as `dataclasses.replace` in a fraction of the time."""
     return recast(record, type(record), **changes)
 
 
 def recast(record: object, cls: type[R], **changes: Any) -> R:
-    """A record of another class, with the fields of this one and with changes."""
+    """Return a record of another class, with the fields of this one and with changes."""
     kept = vars(record)
     names = type(record).__dataclass_fields__  # type: ignore[attr-defined]
     return cls(**{name: kept[name] for name in names if name in kept} | changes)
@@ -68,7 +68,7 @@ Fields = tuple[dataclasses.Field[Any], ...]
 
 
 def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
-    """``__init__`` of a class with these fields, `followed` by ``__post_init__``."""
+    """Write ``__init__`` of a class with these fields, `followed` by ``__post_init__``."""
     order = tuple(field.name for field in fields)
     places = tuple(field.name for field in fields if not field.kw_only)
     size = len(order)
@@ -101,7 +101,7 @@ def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
 
 
 def _standard(cls: type) -> type:
-    """The same record by `dataclasses`, for what is seldom asked: messages, and a signature."""
+    """Make the same record by `dataclasses`, which gives error messages and a signature."""
     fields = [(field.name, field.type, field) for field in dataclasses.fields(cls)]
     return dataclasses.make_dataclass(cls.__qualname__, fields)
 
@@ -123,7 +123,7 @@ def _shown(record: Any) -> str:
 def _comparison(
     names: list[str],
 ) -> tuple[Callable[[object, object], bool], Callable[[object], int]]:
-    """``__eq__`` and ``__hash__`` of a class with these fields: those of its values."""
+    """Write ``__eq__`` and ``__hash__`` of a class, by the values of these fields."""
 
     def few(record: object) -> tuple[Any, ...]:
         return tuple([getattr(record, name) for name in names])
@@ -140,11 +140,11 @@ def _comparison(
 
 
 class _Signature:
-    """What help() shows of the arguments of a class, made when it asks."""
+    """Signature of a class for help(), made when it is needed."""
 
     def __get__(self, record: object, cls: Any) -> Any:
-        from inspect import signature  # lazy: nearly nobody asks
+        from inspect import signature  # lazy: for help() only
 
-        if record is not None:  # one that can be called has another
+        if record is not None:  # a callable record has a signature of its own
             raise AttributeError("__signature__")
         return signature(_standard(cls))

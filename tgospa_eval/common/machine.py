@@ -1,4 +1,4 @@
-"""What this machine has: extension modules that were built, cores, memory, threads."""
+"""Properties of this machine: compiled extension modules, cores, memory, threads."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from tgospa_eval.common.files import reason
 
 
 def compiled(name: str) -> Any:
-    """An extension module, or None: everything works without, more slowly.
+    """Import an extension module; None without it, when everything works, but more slowly.
 
     ``TGOSPA_EVAL_KERNEL=numpy`` leaves all aside.
     """
@@ -27,14 +27,14 @@ def compiled(name: str) -> Any:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 # -------------------------------------------------------------------------------------------------
-# How much memory there is, and which errors come from having none.
+# Memory: how much there is, and which errors mean that it is full.
 
 MEMINFO = "/proc/meminfo"
 CONTAINER = "/sys/fs/cgroup/memory.max"
@@ -50,7 +50,7 @@ NO_MEMORY = (
 
 
 def available_memory() -> int | None:
-    """Bytes of memory that are available, as Linux counts them."""
+    """Return the bytes of available memory, as Linux counts them."""
     with suppress(OSError, ValueError), open(MEMINFO, encoding="ascii") as file:
         for line in file:
             if line.startswith("MemAvailable:"):
@@ -59,13 +59,13 @@ def available_memory() -> int | None:
 
 
 def machine_memory() -> int | None:
-    """Bytes of memory of the machine, or of the container that this runs in if that has less."""
-    found = []
+    """Return the bytes of memory of the machine, or of its container if that has less."""
+    sizes = []
     with suppress(OSError, ValueError, AttributeError):
-        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     with suppress(OSError, ValueError), open(CONTAINER, encoding="ascii") as file:
-        found.append(int(file.read()))  # or max, which is no number
-    return min(found, default=None)
+        sizes.append(int(file.read()))  # "max" is no number
+    return min(sizes, default=None)
 
 
 def release_freed() -> None:
@@ -74,12 +74,12 @@ def release_freed() -> None:
 
     if "pyarrow" in sys.modules:
         sys.modules["pyarrow"].default_memory_pool().release_unused()
-    with suppress(OSError, AttributeError, TypeError):  # of glibc alone
+    with suppress(OSError, AttributeError, TypeError):  # only glibc has it
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def is_of_memory(error: BaseException | None) -> bool:
-    """Whether an error, or one behind it, is for want of memory, as libraries need some as well."""
+    """Return whether an error, or its cause, is a lack of memory; libraries raise their own."""
     while error is not None:
         if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
             return True
@@ -88,7 +88,7 @@ def is_of_memory(error: BaseException | None) -> bool:
 
 
 def fault_of(error: BaseException) -> str:
-    """Why something failed that nobody foresaw, in words."""
+    """Return the cause of an unforeseen error, in words."""
     if is_of_memory(error):
         return "out of memory"
     if isinstance(error, OSError):
@@ -98,7 +98,7 @@ def fault_of(error: BaseException) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# Work in threads, its results in order.
+# Work in threads, with answers in order.
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -108,7 +108,7 @@ AHEAD = 2
 
 
 def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:
-    """As `map`, in so many threads.
+    """Map a function over items in threads, and yield the answers in order.
 
     Parameters
     ----------
@@ -130,6 +130,6 @@ def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterat
             pool.submit(copy_context().run, work, item) for item in islice(left, AHEAD * threads)
         )
         while waiting:
-            found = waiting.popleft().result()
+            answer = waiting.popleft().result()
             waiting.extend(pool.submit(copy_context().run, work, item) for item in islice(left, 1))
-            yield found
+            yield answer

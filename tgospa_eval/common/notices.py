@@ -1,4 +1,4 @@
-"""What the user should know beside the numbers: notices, and warnings as data that travel."""
+"""Notices and warnings about an evaluation, as data that travel with the numbers."""
 
 import sys
 import warnings
@@ -42,16 +42,16 @@ class Notice:
         return f"{self.text}; {self.remedy}" if self.remedy else self.text
 
     def record(self) -> dict[str, str]:
-        """As in the JSON."""
+        """Return the notice as in the JSON."""
         return {"code": self.code, "text": self.text, "remedy": self.remedy}
 
     def about(self, name: str) -> "Notice":
-        """The same, with the name of a file or a pair in front."""
+        """Return the same notice, with the name of a file or a pair in front."""
         return Notice(text=f"{name}: {self.text}", code=self.code, remedy=self.remedy)
 
 
-def told(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
-    """What is said beside numbers: where settings come from, and what looks wrong."""
+def messages_of(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
+    """Return the messages about the settings file, and of warnings."""
     return [str(one) for one in (settings_file, *warnings) if one is not None]
 
 
@@ -60,7 +60,7 @@ NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
 
 
 def warn_user(notices: Iterable[Notice]) -> None:
-    """A Python warning for each, at the line of the user that led to it."""
+    """Issue a Python warning for each notice, at the line of the user that led to it."""
     level, frame = 2, sys._getframe(1).f_back
     while frame and str(frame.f_globals.get("__name__")).partition(".")[0] in NOT_OF_THE_USER:
         level, frame = level + 1, frame.f_back

@@ -26,19 +26,19 @@ DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth
 
 
 def fields(pattern: str) -> list[str]:
-    """The names of the fields, each once, in order."""
+    """Return the names of the fields, each once, in order."""
     return list(dict.fromkeys(re.findall(FIELD, pattern)))
 
 
 def fill(pattern: str, values: Mapping[str, str]) -> str:
-    """The pattern with values in place of its fields."""
-    return re.sub(FIELD, lambda found: values[found[1]], _of_cell(pattern)) if values else pattern
+    """Replace the fields of a pattern by values."""
+    return re.sub(FIELD, lambda match: values[match[1]], _of_cell(pattern)) if values else pattern
 
 
-def found(
+def matching_paths(
     pattern: str, folder: str = "", inside: Inside = lambda _: ()
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """The paths that are like a pattern, below a folder, in order, with what its fields stand for.
+    """Yield the paths that match a pattern below a folder, in order, with the values of its fields.
 
     A field is one part of a path, or a piece of one, and the same wherever it is named. Names that
     begin with a dot have to be written with it.
@@ -48,7 +48,7 @@ def found(
             yield path, values
 
 
-def meant(
+def match_files(
     pattern: str,
     folder: str = "",
     *,
@@ -56,7 +56,7 @@ def meant(
     truth: tuple[str, str] | None = None,
     inside: Inside = lambda _: (),
 ) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
-    """The files that are meant by a pattern: not all that happen to be like it.
+    """Return the files that a pattern is for: not all that happen to match it.
 
     What is in the store of a batch, and what a run wrote into its folder, is meant if the pattern
     names that folder without a field. A truth is no estimate, unless the estimates have no field of
@@ -84,15 +84,15 @@ def meant(
     """
     from tgospa_eval.common.writing import results_in  # lazy: reading one pair does without
 
-    real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
+    real = functools.cache(os.path.realpath)  # cached for folders of thousands of files
 
     def place(above: str, name: str) -> str:
         return os.path.join(real(above), name)
 
-    found = list(_all(pattern, folder, inside))
+    matches = list(_all(pattern, folder, inside))
     truths: set[str] = set()
     if truth is not None and set(fields(truth[0])) < set(fields(pattern)):
-        named = {os.path.join(truth[1], fill(truth[0], values)) for _, values in found}
+        named = {os.path.join(truth[1], fill(truth[0], values)) for _, values in matches}
         truths = {place(*os.path.split(path)) for path in named}
     store = None if output is None else os.path.realpath(output)
 
@@ -103,7 +103,7 @@ def meant(
 
     files: list[tuple[str, dict[str, str]]] = []
     left: dict[str, list[str]] = {}
-    for path, values in found:
+    for path, values in matches:
         if any(results(above)(below) for above, below in _cuts(pattern, path)):
             left.setdefault(WRITTEN, []).append(path)
         elif _dotted(pattern, path) is not None:
@@ -124,8 +124,8 @@ def meant(
 
 
 def _dotted(pattern: str, path: str) -> str | None:
-    """The pattern with the dots before names that its fields do not stand for; None without any."""
-    if path[:1] != "." and "/." not in _slashed(path):  # as most are
+    """Return the pattern with the dots that names of this path begin with; None without any."""
+    if path[:1] != "." and "/." not in _slashed(path):  # most paths have no dots
         return None
     pairs = list(zip(_slashed(pattern).split("/"), _slashed(path).split("/"), strict=True))
     hidden = [bool(re.match(FIELD, part)) and name.startswith(".") for part, name in pairs]
@@ -135,7 +135,7 @@ def _dotted(pattern: str, path: str) -> str | None:
 
 
 def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
-    """The folders of a path that a field of the pattern stands for, each with what is below."""
+    """Yield the folders of a path that a field stands for, each with the rest of the path."""
     parts = _slashed(path).split("/")
     named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
     for k in range(named + 1, len(parts)):
@@ -147,7 +147,7 @@ def _slashed(path: str) -> str:
 
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
-    """What `found` gives, also of names that begin with a dot where the pattern has a field."""
+    """Yield what `matching_paths` does, and names that begin with a dot for a field."""
     import glob  # lazy: the name of a file is no pattern
 
     file, variable = _split(pattern)
@@ -166,14 +166,14 @@ def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[
 
 
 def values_of(pattern: str, folder: str, path: str) -> dict[str, str] | None:
-    """What the fields of a pattern below a folder stand for in the path of a file, if it fits."""
+    """Return the values of the fields of a pattern in the path of a file; None without a match."""
     file = os.path.relpath(os.path.join(folder, _split(pattern)[0]))
     match = _shape(file, "+").fullmatch(_slashed(path))
     return match.groupdict() if match and _dotted(file, path) is None else None
 
 
 def is_ambiguous(pattern: str, path: str) -> bool:
-    """Whether the fields could stand for other things in the same path."""
+    """Return whether the fields could have other values in the same path."""
     slashed = _slashed(path)
     greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
@@ -181,29 +181,29 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 
 @functools.lru_cache
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
-    """The regular expression of a pattern, for thousands of paths."""
+    """Return the regular expression of a pattern, for thousands of paths."""
     file = _split(pattern)[0]
     parts = re.split(FIELD, _of_cell(pattern))
-    shape, seen, size = "", set(), 0
+    shape, named, size = "", set(), 0
     for text, name in zip(parts[::2], (*parts[1::2], None), strict=True):
         shape += re.escape(_slashed(text))
         size += len(text)
         if name is not None:
             piece = "[^/]" if size < len(file) else "[^{}]"
-            shape += f"(?P={name})" if name in seen else f"(?P<{name}>{piece}{repeated})"
-            seen.add(name)
+            shape += f"(?P={name})" if name in named else f"(?P<{name}>{piece}{repeated})"
+            named.add(name)
             size += len(name) + 2
     return re.compile(shape)
 
 
 def _split(pattern: str) -> tuple[str, str]:
-    """A file, and its variable; blank if none is named."""
+    """Split a path into the file and its variable; blank if none is named."""
     named = re.match(WITH_VARIABLES, pattern)
     return (named[1], pattern[named.end() :]) if named else (pattern, "")
 
 
 def _of_cell(pattern: str) -> str:
-    """The pattern with the braces of a cell around its field."""
+    """Return the pattern with the braces of a cell around its field."""
     variable = _split(pattern)[1]
     cell = re.fullmatch(rf"\w+{FIELD}", variable)
     return f"{pattern[: -len(cell[1]) - 2]}{{{{{cell[1]}}}}}" if cell else pattern

@@ -1,4 +1,4 @@
-"""What is known of long work while it goes on, and how it is stopped before its end.
+"""Progress of long work, and ways to stop it before its end.
 
 Those who do the work write it, whoever waits for it reads it; where nobody does, nothing is kept.
 """
@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 
 
 class Status(StrEnum):
-    """Why a solver stopped."""
+    """Reasons for which a solver stopped."""
 
     SOLVED = "solved"
     NOT_SOLVED = "not solved"
@@ -31,7 +31,7 @@ class Status(StrEnum):
 
     @property
     def good(self) -> bool:
-        """Whether there was nothing left to do."""
+        """True if there was nothing left to do."""
         return self in (Status.SOLVED, Status.MET)
 
 
@@ -46,7 +46,7 @@ class StoppedError(Exception):
 
 
 class Progress:
-    """How far work is, and whether it is to stop.
+    """Progress of the work, and whether it is to stop.
 
     Parameters
     ----------
@@ -85,11 +85,11 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether it is time to show what is proven."""
+        """True if it is time to show what is proven."""
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
-        """One for work inside of this work: stopped together, and shown to nobody."""
+        """Return a progress for inner work: stopped together with this one, and shown to nobody."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
@@ -123,13 +123,13 @@ class Progress:
 
     def prove(self, lower: float, upper: float) -> None:
         """Report what is proven of the total cost, in units of the cutoff."""
-        found = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
-        if self.bracket is not None:  # what was proven before still holds
-            found = max(found[0], self.bracket[0]), min(found[1], self.bracket[1])
-        self.bracket = found
+        bracket = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
+        if self.bracket is not None:  # keep what was proven before
+            bracket = max(bracket[0], self.bracket[0]), min(bracket[1], self.bracket[1])
+        self.bracket = bracket
         self._due = max(self._due, time.monotonic() + PACE)
 
-    def apart(self, work: Callable[[], T]) -> T:
+    def in_thread(self, work: Callable[[], T]) -> T:
         """Do work that cannot be stopped in a thread of its own.
 
         Raises
@@ -163,12 +163,12 @@ class BackgroundTask(Generic[T]):
             self._failure.append(error)
 
     def wait(self, seconds: float) -> bool:
-        """Whether it has ended, after so many seconds at most."""
+        """Return whether the task has ended, after so many seconds at most."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def answer(self) -> T:
-        """What came out."""
+        """Return the answer of the task, or raise its error."""
         if self._failure:
             raise self._failure[0]
         return self._answer[0]
@@ -191,30 +191,30 @@ class Limit:
 
     @classmethod
     def of(cls, seconds: float | None, progress: Progress) -> "Limit":
-        """So many seconds from now on; None is no limit."""
+        """Return a limit of so many seconds from now on; None is no limit."""
         deadline = None if seconds is None else time.monotonic() + seconds
         return cls(deadline=deadline, progress=progress)
 
     def left(self) -> float | None:
-        """Seconds left, 0 at least; None is no limit."""
+        """Return the seconds left, at least 0; None is no limit."""
         if self.progress.stop.is_set():
             return 0.0
         return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
 
     def late(self) -> bool:
-        """Whether there is no time left."""
+        """Return whether there is no time left."""
         return self.progress.stop.is_set() or (
             self.deadline is not None and time.monotonic() > self.deadline
         )
 
     @property
     def status(self) -> Status:
-        """Why there is none."""
+        """Reason for which no time is left."""
         return Status.INTERRUPTED if self.progress.stop.is_set() else Status.LATE
 
 
 # -------------------------------------------------------------------------------------------------
-# Where the time went: a stopwatch that adds up named, nestable spans.
+# A stopwatch that adds up the time of named, nestable spans.
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
@@ -284,19 +284,19 @@ class Stopwatch:
         much each of them is, in any unit; `what` all of them are.
         """
         works = list(works)
-        begin, first, done, whole, told = -1.0, 0.0, 0.0, sum(works), False
+        begin, first, done, whole, announced = -1.0, 0.0, 0.0, sum(works), False
         try:
             for piece, work in zip(pieces, works, strict=True):
                 done += work
-                if begin < 0:  # threads have other pieces under way then, as they have later on
+                if begin < 0:  # time counts from the first piece, when all threads are busy
                     begin, first = self._clock(), done
                 spent = self._clock() - begin
                 if spent > PACED_FROM and done > first:
                     left = self.progress.left = spent / (done - first) * (whole - done)
-                    if not told and left > ANNOUNCED_FROM:
+                    if not announced and left > ANNOUNCED_FROM:
                         shown = f"{left:.0f} s" if left < 120 else f"{left / 60:.0f} min"
                         self.notify(f"{what}, about {shown} left{hint}")
-                    told = True
+                    announced = True
                 yield piece
         finally:
             self.progress.left = None
@@ -306,7 +306,7 @@ class Stopwatch:
         self.spans[name] = self.spans.get(name, 0.0) + seconds
 
     def beside(self) -> "Stopwatch":
-        """A fresh one for a part of the work, which notifies and stops as this one does."""
+        """Return a new stopwatch for a part of the work, which notifies and stops like this one."""
         part = Stopwatch(self._clock)
         part.notify, part.progress = self.notify, self.progress
         return part
@@ -324,5 +324,5 @@ class Stopwatch:
         return 1e9 * self.busy / self.work if self.work else 0.0
 
     def elapsed(self) -> float:
-        """Seconds since this stopwatch was made."""
+        """Return the seconds since this stopwatch was made."""
         return self._clock() - self._start

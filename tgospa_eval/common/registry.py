@@ -52,7 +52,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     @property
     def outside(self) -> dict[str, list[EntryPoint]]:
-        """Those of other packages by name; several of one name are in doubt."""
+        """Members of other packages by name; several of one name are in doubt."""
         members: dict[str, list[EntryPoint]] = {}
         for point in _entry_points(tuple(sys.path)):
             if point.group == self.group:
@@ -82,11 +82,11 @@ class Registry(Mapping[str, T], Generic[T]):
             return self._load(name, points[0].place)
 
     def ours(self, name: str) -> T:
-        """A member of this package, whatever others declare; for what nobody named."""
+        """Return a member of this package, whatever others declare, when nobody named one."""
         return self._load(name, self.own[name])
 
     def chosen(self, name: object) -> T:
-        """The member that a user names.
+        """Return the member that a user names.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class Registry(Mapping[str, T], Generic[T]):
     def blamed(
         self, name: str, error: type[TgospaError] = ConfigError, where: str = ""
     ) -> Iterator[None]:
-        """Whatever a member of another package raises, as an error that names the package."""
+        """Convert any error in a member of another package to one that names the package."""
         try:
             yield
         except (TgospaError, MemoryError):
@@ -119,14 +119,14 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 def load(place: str) -> Any:
-    """What is at ``"module:attribute"``, imported now."""
+    """Import what is at ``"module:attribute"``."""
     module, _, attribute = place.partition(":")
     value: Any = import_module(module)
     return attrgetter(attribute)(value) if attribute else value
 
 
 def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
-    """The ``__getattr__`` of a package whose names are imported from their modules when used."""
+    """Return a ``__getattr__`` for a package, which imports its names when they are used."""
 
     def get(name: str) -> Any:
         if name not in home:
@@ -140,7 +140,7 @@ def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
 
 @cache
 def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Entry points of all packages that are installed in folders of the search path.
+    """Return the entry points of all packages in folders of the search path.
 
     Without importlib.metadata, which takes a third of the time of ``--help``.
     """
@@ -150,7 +150,7 @@ def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
             for item in sorted(os.listdir(folder or ".")):
                 if item.endswith((".dist-info", ".egg-info")):
                     package = item.rpartition(".")[0].partition("-")[0].replace("_", "-")
-                    if package not in packages:  # the first one is imported
+                    if package not in packages:  # the first on the path is imported
                         file = os.path.join(folder, item, "entry_points.txt")
                         packages[package] = list(_declared(package, file))
     return tuple(point for points in packages.values() for point in points)

@@ -19,13 +19,13 @@ PLAIN_WHOLE = "[-+]?[0-9]{1,30}"
 
 
 def parsed(text: str) -> float | None:
-    """The finite number that a plain decimal stands for; None of any other text."""
+    """Parse a plain decimal to a finite number; None for any other text."""
     value = float(text) if re.fullmatch(PLAIN_DECIMAL, text.strip()) else math.inf
     return value if math.isfinite(value) else None
 
 
 def parsed_whole(text: str) -> int | None:
-    """The same of whole numbers."""
+    """Parse a plain integer; None for any other text."""
     return int(text) if re.fullmatch(PLAIN_WHOLE, text.strip()) else None
 
 
@@ -37,7 +37,7 @@ MIN_MEMORY = 100 * 10**6
 
 
 def parsed_size(value: object) -> int:
-    """Bytes of a size as people write it: 4GB, 500MB, 1.5GiB; a number alone is of GB.
+    """Parse a size as people write it to bytes: 4GB, 500MB, 1.5GiB; a plain number is of GB.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def parsed_size(value: object) -> int:
 
 
 def shortest(value: float, noise: float) -> float:
-    """The number of fewest digits within `noise` of the value.
+    """Return the number of fewest digits within `noise` of the value.
 
     A difference of stamps has the rounding of the stamps: 0.1 rather than 0.0999999.
     """
@@ -66,7 +66,7 @@ def shortest(value: float, noise: float) -> float:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """The value with at most so many significant digits, and commas between thousands.
+    """Format a value with so many significant digits, and commas between thousands.
 
     Whole digits in front of the point are all written, rounded.
     """
@@ -77,12 +77,12 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def plain(value: float) -> int | float:
-    """A number to type, without a decimal point where it is whole."""
+    """Format a number as it is typed, without a decimal point if it is whole."""
     return int(value) if value.is_integer() else value
 
 
 def counted(number: int, one: str, many: str = "") -> str:
-    """A count with its noun: 1 row, 2 rows; `many` where that takes more than an s.
+    """Format a count with its noun: 1 row, 2 rows; `many` is the plural if it is irregular.
 
     Parameters
     ----------
@@ -97,23 +97,23 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def sizes_in_words(sizes: Mapping[str, int]) -> str:
-    """How many truths, estimates and steps there are."""
+    """Format the numbers of truths, estimates and steps."""
     nouns = {"truth": "truth", "estimates": "estimate", "steps": "step"}
     return ", ".join(counted(sizes[name], noun) for name, noun in nouns.items())
 
 
 def more(count: int) -> str:
-    """How many mistakes of a kind there are beside the first."""
+    """Format how many mistakes of a kind there are beside the first."""
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
 def in_both(common: int, union: int) -> str:
-    """How many of all steps both files have."""
+    """Format how many of all steps both files have."""
     return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"
 
 
 def install(extra: str) -> str:
-    """The command that adds an extra to this very installation, wherever it came from.
+    """Return the command that adds an extra to this installation, wherever it came from.
 
     pip finds the package installed and fetches only what the extra names, so it need not be on an
     index. Environments of uv have no pip. Double quotes are such in all shells.

@@ -23,12 +23,12 @@ OLD = 3600.0
 
 
 def unique() -> str:
-    """A name that nobody else has, of what is there only while something is written."""
+    """Return a unique name for what exists only while something is written."""
     return f"{FRESH}{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def is_left(path: Path) -> bool:
-    """Whether nobody is at work any more on what has a name of `unique`."""
+    """Return whether the process that made a name by `unique` has ended."""
     number = path.name.removeprefix(FRESH).partition("-")[0]
     try:
         if time.time() - path.stat().st_mtime > OLD:
@@ -36,14 +36,14 @@ def is_left(path: Path) -> bool:
         os.kill(int(number), 0)
     except (ProcessLookupError, ValueError, OverflowError):
         return True
-    except OSError:  # it is there, and somebody else's; or the path is gone
+    except OSError:  # another user's process, or the path is gone
         return False
     return False
 
 
 @contextmanager
 def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Iterator[Path]:
-    """Where to write a file or a folder, which is renamed when it is whole.
+    """Yield a path to write a file or a folder to, which is renamed when it is complete.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
             if not (shared and target.is_dir()):
                 raise
     except OSError as error:
-        # NumPy has no number of the system for it, and counts what it could not write.
+        # NumPy's error has no errno, only the count of bytes not written.
         is_of_numpy = error.errno is None and "requested" in str(error)
         if is_of_numpy or error.errno == errno.ENOSPC:
             why = "no space left on the disk" if is_of_numpy else reason(error)
@@ -78,7 +78,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
         raise
     finally:
         if beside.is_dir():
-            import shutil  # lazy: it brings compression
+            import shutil  # lazy: it imports compression
 
             shutil.rmtree(beside, ignore_errors=True)
         else:
@@ -87,7 +87,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
 
 @contextmanager
 def writing_folder(output: str | Path) -> Iterator[Path]:
-    """As `writing`, of a folder that several processes may write, which is made."""
+    """Make a folder to write as `writing` does, where several processes may write."""
     with writing(output, shared=True) as folder:
         folder.mkdir()
         yield folder
@@ -106,14 +106,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
     content = data.encode() if isinstance(data, str) else data
     where = f"{option} {path}"
     with named(where, ConfigError, "cannot be written"):
-        target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
+        target = Path(os.path.realpath(path))  # replaces the target of a link, not the link
         if target.is_dir():
             raise ConfigError(f"{where}: is a folder; name a file")
-        if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over
+        if target.exists() and not target.is_file():  # a device or a pipe cannot be renamed over
             with patience(path, "a reader of"):
                 target.write_bytes(content)
             return
-        # Not by tempfile, whose files nobody else may read: CI has many users.
+        # tempfile makes files private, but CI has many users.
         with writing(target, where) as beside:
             beside.write_bytes(content)
             if target.exists():
@@ -121,7 +121,7 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
 
 
 # -------------------------------------------------------------------------------------------------
-# Locks. The system gives them back when the process ends, however it does.
+# Locks. The system releases them when the process ends in any way.
 
 
 def take_lock(
@@ -153,7 +153,7 @@ def turn(folder: Path) -> Iterator[bool]:
     """Wait while others write a folder; yields whether they do, as not all systems can."""
     is_locked, at = False, None
     try:
-        with suppress(OSError):  # of Windows, and of some network file systems
+        with suppress(OSError):  # Windows and some network file systems refuse
             at = os.open(folder, os.O_RDONLY)
             is_locked = take_lock(at, wait=True)
         yield is_locked
@@ -163,7 +163,7 @@ def turn(folder: Path) -> Iterator[bool]:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a run wrote into a folder, and what stands there while it writes.
+# The manifest: what a run wrote into a folder, and what it is writing.
 #
 # Without ``--force`` nothing else is replaced or removed.
 
@@ -189,27 +189,27 @@ FileEntry = tuple[str, int, str]
 
 
 def entry(folder: Path, name: str) -> FileEntry:
-    """A file that is there, as an entry."""
+    """Return the entry of a file."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return name, (folder / name).stat().st_size, digest
 
 
 def text_of(kind: str, files: Iterable[FileEntry]) -> str:
-    """The manifest of a folder of this kind; a name may have several entries while it changes."""
+    """Return the manifest of a folder of this kind; names repeat while they change."""
     listed = [dict(zip(("name", "size", "sha256"), entry, strict=True)) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 
 def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
-    """The entries of a folder of this kind; None if it is none."""
-    own, found = _read(folder)
-    return found if own == kind else None
+    """Return the entries of a folder of this kind; None if it is none."""
+    own, entries = _read(folder)
+    return entries if own == kind else None
 
 
 def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
-    """The kind of a folder, if it has a manifest, and its entries."""
+    """Return the kind of a folder, if it has a manifest, and its entries."""
     try:
         document = checked((folder / NAME).read_bytes(), MANIFEST)
     except (FileNotFoundError, IsADirectoryError, ValueError):
@@ -220,18 +220,18 @@ def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
 
 
 def results_in(folder: Path) -> Callable[[str], bool]:
-    """Which files of a folder, by their paths in it, are results: those of a store all are."""
+    """Return a test of paths in a folder: whether they are results. In a store all are."""
     with suppress(OSError, ValueError):
         checked((folder / STORE).read_bytes(), {"schema": one_of(STORE_SCHEMA)})
         return lambda _: True
-    with suppress(OSError):  # of a folder that is not to be looked into
+    with suppress(OSError):  # the folder may be unreadable
         kind, listed = _read(folder)
         return {name for name, *_ in listed if kind not in OF_DATA}.__contains__
     return lambda _: False
 
 
 def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
-    """The names that are there as they were written."""
+    """Return the names of files that are still as they were written."""
     return {
         known[0]
         for known in listed
@@ -241,20 +241,20 @@ def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
     }
 
 
-def others(path: Path) -> Iterator[Path]:
-    """What is in a folder but for what an interrupted run has left."""
+def visible(path: Path) -> Iterator[Path]:
+    """Iterate over a folder without what an interrupted run has left."""
     return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
 def replace_files(
     fresh: Path, path: Path, files: Collection[FileEntry], kind: str, document: str
 ) -> int:
-    """Files of a folder by fresh ones; while that is going on, the manifest lists both.
+    """Replace files of a folder by new ones; meanwhile the manifest lists both.
 
     Returns how many of an older run were taken away. The document goes first and comes last.
     """
     names = {name for name, *_ in files}
-    for name in names:  # what cannot be shows before anything is taken away
+    for name in names:  # errors appear before anything is removed
         (path / name).parent.mkdir(parents=True, exist_ok=True)
     old = read_manifest(path, kind) or ()
     stale = unchanged(path, old) - names
@@ -264,15 +264,15 @@ def replace_files(
     for name in stale:
         (path / name).unlink()
         for folder in PurePosixPath(name).parents[:-1]:
-            with suppress(OSError):  # not empty
+            with suppress(OSError):  # the folder is not empty
                 (path / folder).rmdir()
     for name in sorted(names, key=lambda name: (name == document, name)):
-        (path / name).parent.mkdir(parents=True, exist_ok=True)  # if it has become empty
+        (path / name).parent.mkdir(parents=True, exist_ok=True)  # the folder may be removed above
         os.replace(fresh / name, path / name)
     os.replace(fresh / NAME, path / NAME)
     return len(stale)
 
 
 def _is_below(path: PurePosixPath) -> bool:
-    """Whether a path, taken from a folder, stays in it."""
+    """Return whether a path, taken from a folder, stays in it."""
     return not path.is_absolute() and path.name != "" and ".." not in path.parts

@@ -10,7 +10,7 @@ from tgospa_eval.common.registry import lazy
 from tgospa_eval.distances.registry import DISTANCES as DISTANCES
 from tgospa_eval.distances.registry import as_distance as as_distance
 
-if TYPE_CHECKING:  # with `as`, which makes a name public
+if TYPE_CHECKING:  # `as` makes a name public
     from tgospa_eval.distances.base import Distance as Distance
     from tgospa_eval.distances.base import Pairs as Pairs
     from tgospa_eval.distances.base import Resources as Resources

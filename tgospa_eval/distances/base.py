@@ -1,4 +1,4 @@
-"""What every base distance offers: to users its value, to the search a space to sort in.
+"""Interface of a base distance: its value for users, and points to sort for the search.
 
 `check_columns` and `check_states` say whether two sides can be compared at all, and by a distance.
 """
@@ -51,7 +51,7 @@ class Pairs:
     distance: Floats
 
     def chosen(self, which: Ints) -> "Pairs":
-        """Some of them, by their positions."""
+        """Return some of the pairs, by their positions."""
         return Pairs(
             truth_row=self.truth_row[which],
             estimate_row=self.estimate_row[which],
@@ -65,7 +65,7 @@ Sides = tuple[Trajectories, Trajectories]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resources:
-    """How to do what takes long.
+    """Threads, and a stopwatch for progress, of work that takes long.
 
     Parameters
     ----------
@@ -120,32 +120,32 @@ class Distance(ABC):
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
-        """Distance along the last axis of `a` and `b`, which broadcast."""
+        """Return the distance along the last axis of `a` and `b`, which broadcast."""
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What it compares beside points, as `Trajectories.kind` calls it: gaussian, cloud.
+        """Kinds of states that it compares beside points, as `Trajectories.kind`: gaussian, cloud.
 
         To a distance that names none all states are points; others refuse what they do not name.
         """
         return ()
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Components (d, R) of some rows, as `between` and `embed` take them."""
+        """Return components (d, R) of some rows, as `between` and `embed` take them."""
         return np.ascontiguousarray(side.state[rows].T)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Of near pairs of prepared sides the distances of the means, and of what is around them.
+        """Return the distances of the means of near pairs, and of what is around the means.
 
         Their squares add up to that of the distance; None if there are no such.
         """
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Derivative of the distance of near pairs of prepared sides by the estimate, (d, N).
+        """Return derivatives of the distances of near prepared pairs by the estimate, (d, N).
 
         In distance per unit of each state column; of Gaussians by their means. 0 where a distance
         is 0, one of the derivatives where it has a kink.
@@ -159,7 +159,7 @@ class Distance(ABC):
         return self.slopes_between(a, b)
 
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats | None:
-        """Derivative of the distance of near pairs by each particle of the estimate, (M, d).
+        """Return derivatives of the distances of near pairs by each estimated particle, (M, d).
 
         The particles of the estimates of all pairs, one pair behind the other; None where states
         have none. The sides are as they were read.
@@ -172,7 +172,7 @@ class Distance(ABC):
         return None
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Derivative of `between` by `b`, both (d, N).
+        """Return the derivative of `between` by `b`, both (d, N).
 
         Raises
         ------
@@ -187,37 +187,37 @@ class Distance(ABC):
         return self
 
     def fitted(self, sides: Sides) -> "Distance":
-        """With what settings leave to the data of the run."""
+        """Return the distance with settings that depend on the data of the run."""
         return self
 
-    def prepared(self, sides: Sides, effort: Resources) -> tuple[Sides, "Distance"]:
-        """Both sides as they are compared, and the distance that compares those."""
+    def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, "Distance"]:
+        """Return both sides as they are compared, and the distance that compares those."""
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """The search is for pairs whose `between` is less than this."""
+        """Return the value below which the search looks for `between`."""
         return cutoff
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
-        """Near pairs among those that the search found, where `between` is a bound."""
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
+        """Return the near pairs among candidates, for which `between` was only a bound."""
         return pairs
 
     def error(self, dimension: int) -> float:
-        """Proven bound of the relative error of the distances of points of so many components.
+        """Return a proven bound of the relative error of distances of points of this dimension.
 
         0 where none is known: what is proven then is proven of the distances as they were computed.
         """
         return 0.0
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """How near to the cutoff a distance of prepared sides hangs on rounding.
+        """Return how near to the cutoff rounding may decide a distance of prepared sides.
 
         That of the computation, and of the decimals that states were written in.
         """
         return REACH_ROUNDING * cutoff
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Mask of the pairs that are nearer than the cutoff of each, (N,).
+        """Return a mask of the pairs that are nearer than the cutoff of each, (N,).
 
         By the distances as computed. Distances with a closed form decide those within the
         `margin` by the exact distance of the states (docs/theory/certificate.md).
@@ -225,13 +225,13 @@ class Distance(ABC):
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """What the last places of the states change of any distance of prepared sides, about.
+        """Return roughly how much the last places of the states change a distance.
 
         Of the smallest state: a value that this explains is explained by no digit of the data.
         """
         sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in sides]
-        least = float(np.concatenate(sizes).min(initial=np.inf))
-        return 2.0**-50 * least if sides[0].step.size else 0.0
+        smallest = float(np.concatenate(sizes).min(initial=np.inf))
+        return 2.0**-50 * smallest if sides[0].step.size else 0.0
 
     @property
     def tree_power(self) -> float:
@@ -240,15 +240,15 @@ class Distance(ABC):
 
     @abstractmethod
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of states that are given component by component."""
+        """Return the distance of states that are given component by component."""
 
     def embed(self, axes: Floats) -> Floats:
-        """Points (e, R) of the states (d, R)."""
+        """Return points (e, R) of the states (d, R)."""
         return axes
 
     @abstractmethod
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """How far near ones may be from each of the states (d, R), on every axis of the points.
+        """Return how far near states may be from each state (d, R), on every axis of the points.
 
         Shape (e, R), or (e, 1) if it is the same for all. Two states that are near differ on each
         axis by less than the larger of their two reaches: no distance that is computed as less than
@@ -257,7 +257,7 @@ class Distance(ABC):
         """
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether it can compare states with these columns; `name` begins the message.
+        """Check that it can compare states with these columns; `name` begins the message.
 
         Raises
         ------
@@ -274,7 +274,7 @@ class Distance(ABC):
         check_length("period", self.period, columns, name)
 
     def fault(self, axes: Floats) -> Fault | None:
-        """Which states (d, R) are out of range in a column, the column, and what the first is."""
+        """Return states (d, R) out of range in a column, the column, and the first value."""
         for name, (low, high, rule) in self.limits.items():
             values = axes[(self.columns or ()).index(name)]
             wrong = ~((values >= low) & (values <= high))
@@ -284,14 +284,14 @@ class Distance(ABC):
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Periods and scales by the names of the columns, and what else changes the number."""
-        found: DistanceSettings = {}
+        """Return periods and scales by column name, and other settings that change the number."""
+        record: DistanceSettings = {}
         if self.period is not None:
             periods = zip(columns, self.period, strict=True)
-            found["periodic"] = {column: period for column, period in periods if period != np.inf}
+            record["periodic"] = {column: period for column, period in periods if period != np.inf}
         if self.scale is not None:
-            found["scale"] = dict(zip(columns, self.scale, strict=True))
-        return found
+            record["scale"] = dict(zip(columns, self.scale, strict=True))
+        return record
 
 
 def exactly_nearer(
@@ -301,7 +301,7 @@ def exactly_nearer(
     cutoff: Floats,
     decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
-    """Mask of nearer pairs, (N,): of a closed form, which `decide` evaluates in rationals."""
+    """Return the mask of nearer pairs, (N,), by a closed form that `decide` evaluates."""
     from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
     nearer: Mask = pairs.distance < cutoff
@@ -318,7 +318,7 @@ def exactly_nearer(
 
 
 def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name: str) -> None:
-    """Whether there is one for each state column.
+    """Check that there is one value for each state column.
 
     Raises
     ------
@@ -333,7 +333,7 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
-    """A row of the truth and one of the estimate, for messages, with what is said `which` it is."""
+    """Return a row of the truth and one of the estimate, for messages; `which` describes them."""
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
     return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"
@@ -342,7 +342,7 @@ def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
 def check_columns(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
 ) -> None:
-    """Both sides must have the same state columns.
+    """Check that both sides have the same state columns.
 
     Raises
     ------
@@ -375,7 +375,7 @@ def check_states(
     distance: Distance,
     names: tuple[str, str] = ("truth", "estimate"),
 ) -> None:
-    """The distance must be able to compare the states of both sides.
+    """Check that the distance can compare the states of both sides.
 
     Raises
     ------
@@ -399,7 +399,7 @@ def check_states(
 def _check_kinds(
     sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
 ) -> None:
-    """Whether a distance that compares more than points does so with these states."""
+    """Check that a distance which compares more than points can compare these states."""
     named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
     refused = set(named) - {"point", *distance.kinds}
     if not distance.kinds or not refused:

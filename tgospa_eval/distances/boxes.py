@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
 
-MOST_BLURRED = 2.0**-20
+MAX_BLUR = 2.0**-20
 """Largest margin of a distance around the cutoff."""
 
 TRACKEVAL_EPS = 2.0**-52
@@ -40,14 +40,14 @@ class IoU(Distance):
     )
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Of a ratio near 1, and of edges that were decimals."""
+        """Return the rounding of a ratio near 1, and of edges that were decimals."""
         corners = (np.abs(side.state[:, :2]).max(initial=0.0) for side in sides)
-        least = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
-        blur = 2.0**-46 + 2.0**-50 * max(corners) / max(least, SMALLEST_EDGE)
-        return float(min(blur, MOST_BLURRED))
+        smallest = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
+        blur = 2.0**-46 + 2.0**-50 * max(corners) / max(smallest, SMALLEST_EDGE)
+        return float(min(blur, MAX_BLUR))
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        """Return a mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
         from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
@@ -64,31 +64,31 @@ class IoU(Distance):
             ends.append(begins[-1] + side.state[row, 2:])
         gap = np.maximum(*begins) - np.minimum(*ends)
         size = np.maximum(*map(np.abs, begins)) + np.maximum(*map(np.abs, ends))
-        apart = (gap > REACH_ROUNDING * size).any(axis=1)  # all at the distance 1, and clearly so
+        far = (gap > REACH_ROUNDING * size).any(axis=1)  # clearly at the distance 1
         nearer: Mask = pairs.distance < cutoff
-        rest = np.flatnonzero(~apart)
+        rest = np.flatnonzero(~far)
         nearer[rest] = exactly_nearer(self, pairs.chosen(rest), sides, cutoff[rest], decide)
         return nearer
 
     def last_place(self, sides: Sides) -> float:
-        """Of a ratio near 1, taken from 1."""
+        """Return the last place of a ratio near 1, subtracted from 1."""
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of boxes that are given as lefts, tops, widths, heights."""
+        """Return the distance of boxes that are given as lefts, tops, widths, heights."""
         left, top, width, height = components
         shared = _overlap(left, width) * _overlap(top, height)
         union = width[0] * height[0] + width[1] * height[1] - shared
         return np.asarray((union - shared) / union)
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Derivative by left, top, width and height of the second box: ``-d(I / U)``."""
+        """Return derivatives by left, top, width and height of the second box: ``-d(I / U)``."""
         shared = [_overlap((a[k], b[k]), (a[k + 2], b[k + 2])) for k in (0, 1)]
         both = shared[0] * shared[1]
         union = a[2] * a[3] + b[2] * b[3] - both
         slopes = np.zeros_like(b)
         for k in (0, 1):
-            inside = b[k] + b[k + 2] < a[k] + a[k + 2]  # its right or lower edge is the one
+            inside = b[k] + b[k + 2] < a[k] + a[k + 2]  # its right or lower edge bounds the overlap
             moved = np.where(inside, 1.0, 0.0) - np.where(b[k] > a[k], 1.0, 0.0)
             for place, change, of_area in (
                 (k, moved, 0.0),
@@ -99,11 +99,11 @@ class IoU(Distance):
         return slopes
 
     def embed(self, axes: Floats) -> Floats:
-        """Left, top and the logarithms of width and height."""
+        """Return left, top and the logarithms of width and height."""
         return np.concatenate((axes[:2], np.log(axes[2:])))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """How far left and top, how unequal the sizes of near boxes can be; infinite if c > 1.
+        """Return how much left, top and sizes of near boxes may differ; infinite if c > 1.
 
         Let q = 1 - c be the least IoU. The overlap in width is at least q times the larger width w,
         because the union is at least w times the overlap in height. So the left sides differ by
@@ -122,7 +122,7 @@ class IoU(Distance):
 # Differences of huge coordinates may overflow: infinitely far is right.
 @np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
-    """IoU of boxes with others, to the bit as TrackEval has it, whose thresholds it meets.
+    """Return the IoU of boxes with others, bit for bit as in TrackEval, to meet its thresholds.
 
     Right and lower edges are rounded before anything else, widths and heights are their differences
     to the left and upper ones, and boxes without area share nothing.
@@ -144,12 +144,12 @@ def overlaps(a: Floats, b: Floats) -> Floats:
     shared = np.maximum(edges, 0.0).prod(axis=-1)
     union = area_a + area_b - shared
     some = (area_a > TRACKEVAL_EPS) & (area_b > TRACKEVAL_EPS) & (union > TRACKEVAL_EPS)
-    found: Floats = np.divide(shared, union, out=np.zeros_like(shared), where=some)
-    return found
+    ratio: Floats = np.divide(shared, union, out=np.zeros_like(shared), where=some)
+    return ratio
 
 
 def _overlap(begin: tuple[Floats, Floats], size: tuple[Floats, Floats]) -> Floats:
-    """Length that two intervals share; their own where they are the same, in every bit."""
-    apart = begin[0] - begin[1]
+    """Return the shared length of two intervals; exactly their own length if they are the same."""
+    offset = begin[0] - begin[1]
     shorter = np.minimum(*size)
-    return np.maximum(np.minimum(shorter, np.minimum(apart + size[0], size[1] - apart)), 0.0)
+    return np.maximum(np.minimum(shorter, np.minimum(offset + size[0], size[1] - offset)), 0.0)

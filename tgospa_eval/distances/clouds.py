@@ -49,7 +49,7 @@ from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.reduction import Reduction, spread_directions
 from tgospa_eval.distances.transport import (
-    MOST_PARTICLES,
+    MAX_PARTICLES,
     Cloud,
     Lines,
     are_alike,
@@ -87,7 +87,7 @@ MANY_PARTICLES = 300
 
 @dataclass(frozen=True, kw_only=True)
 class CloudPairs(Distance):
-    """Of clouds of distinct particles, Euclidean."""
+    """Distance of clouds of distinct particles in Euclidean space."""
 
     order: int
     gating: bool
@@ -99,34 +99,34 @@ class CloudPairs(Distance):
         return 2.0
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of the means."""
+        """Return the distance of the means."""
         return EUCLIDEAN.between(components)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Of the means."""
+        """Return the reach of the means."""
         return EUCLIDEAN.reach(cutoff, axes)
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """The cutoff and what rounding of the means may add."""
+        """Return the cutoff, and what rounding of the means may add."""
         if not self.gating:
             return np.inf
         largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
         return cutoff * (1 + SLACK) + 2.0**-46 * largest
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
-        """Near pairs with their distances: closed forms first, then what bounds leave open."""
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
+        """Return near pairs with their distances: by closed forms first, then where bounds fail."""
         a, b = (side.clouds for side in sides)
         if a is None or b is None:
             return pairs
         i, j, value = pairs.truth_row, pairs.estimate_row, pairs.distance.copy()
         are_points = a.counts[i] == 1, b.counts[j] == 1
         is_open = ~(are_points[0] & are_points[1])
-        if self.has_moments_bound:
-            moments = [_moments(clouds) for clouds in (a, b)]
+        if self.has_gelbrich_bound:
+            spreads = [_traces_and_factors(clouds) for clouds in (a, b)]
             unsolved = np.flatnonzero(is_open)
             for begin in range(0, len(unsolved), BOUNDS_TOGETHER):
                 part = unsolved[begin : begin + BOUNDS_TOGETHER]
-                value[part] = np.sqrt(value[part] ** 2 + _spread(moments, i[part], j[part]))
+                value[part] = np.sqrt(value[part] ** 2 + _spread(spreads, i[part], j[part]))
             # With a point the bound is the distance itself.
             is_open &= ~(are_points[0] | are_points[1])
         if self.gating:
@@ -135,49 +135,49 @@ class CloudPairs(Distance):
         rows = i[at], j[at]
         sizes = a.counts[rows[0]], b.counts[rows[1]]
         works = self.works(sizes, rows, sides)
-        most = max(int(size.max(initial=0)) for size in sizes)
-        what = f"{counted(len(at), 'distance')} of clouds of up to {most} particles"
-        what += f"; {option('reduce', 50)} makes them small" if most > MANY_PARTICLES else ""
-        value[at] = _solved(partial(self.one, (a, b)), rows, works, what, effort)
+        largest = max(int(size.max(initial=0)) for size in sizes)
+        what = f"{counted(len(at), 'distance')} of clouds of up to {largest} particles"
+        what += f"; {option('reduce', 50)} makes them small" if largest > MANY_PARTICLES else ""
+        value[at] = _solved(partial(self.one, (a, b)), rows, works, what, resources)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
 
     @property
-    def has_moments_bound(self) -> bool:
-        """Whether the Gelbrich bound is one."""
+    def has_gelbrich_bound(self) -> bool:
+        """True if the Gelbrich bound is a lower bound."""
         return self.order == 2
 
     def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
-        """About how many milliseconds each pair takes: of sorting on a line, of transport else."""
+        """Estimate the milliseconds that each pair takes: sorting on a line, else transport."""
         if len(sides[0].columns) == 1:
             return np.asarray(0.1 + 2e-4 * (sizes[0] + sizes[1]))
         _check_sizes(sizes, rows, sides)
         return np.asarray(0.1 + 2.0 * (sizes[0] * (sizes[1] / 1e4)) ** 1.05)
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """The distance of two clouds by their rows, for some neighbouring pairs."""
+        """Return the distance function of two clouds by their rows, for some neighbouring pairs."""
         return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Of order 2: distances of the means, and of the clouds moved onto one mean."""
+        """Return for order 2 the distances of the means, and of the clouds moved onto one mean."""
         if self.order != 2:
             return None
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         means = np.minimum(self.between(zip(a, b, strict=True)), pairs.distance)
-        # As a product: a difference of squares would lose what is left of nearly equal ones.
+        # A product keeps the digits that a difference of nearly equal squares would lose.
         spreads = np.sqrt((pairs.distance - means) * (pairs.distance + means))
         return means, spreads
 
 
 class OwnCovariance(CloudPairs):
-    """With the mean covariance of the pair."""
+    """Distance that whitens each pair by the mean covariance of its clouds."""
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Any pair of a step: the distance of means bounds nothing here."""
+        """Return infinity: the distance of means bounds nothing here."""
         return np.inf
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
-        """Near pairs, bounded by the Mahalanobis distances of their means."""
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
+        """Return near pairs, bounded by the Mahalanobis distances of their means."""
         truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
         if a is None or b is None or not len(pairs.distance):
@@ -194,28 +194,28 @@ class OwnCovariance(CloudPairs):
                     f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, too "
                     f"few distinct particles; take {option('inner_cov', 'global')} or a file"
                 ) from None
-            apart = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
-            if not self.gating or np.linalg.norm(apart) < cutoff * (1 + SLACK):
+            difference = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
+            if not self.gating or np.linalg.norm(difference) < cutoff * (1 + SLACK):
                 pair = whitened((a[int(i[k])], b[int(j[k])]), factor)
                 value[k] = distance(pair[0], pair[1], self.order)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
 
 
-def _moments(clouds: Clouds) -> tuple[Floats, Floats]:
-    """Traces (R,) and lower factors (d (d + 1) / 2, R) of the covariances."""
+def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
+    """Return traces (R,) and lower factors (d (d + 1) / 2, R) of the covariances."""
     matrices = clouds.covariances
     traces = np.trace(matrices, axis1=1, axis2=2)
     return traces, covariances.factor(covariances.pack(matrices))
 
 
-def _spread(moments: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """What covariances add to the squared distance of the means of pairs, at least."""
-    (trace_a, factor_a), (trace_b, factor_b) = moments
-    apart = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
+def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
+    """Return the least that covariances add to the squared distance of the means of pairs."""
+    (trace_a, factor_a), (trace_b, factor_b) = spreads
+    length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
     total = trace_a[i] + trace_b[j]
-    is_point = (trace_a[i] == 0) | (trace_b[j] == 0)  # of which the value is exact
-    return np.where(is_point, total, (apart * apart - UNSURE * total).clip(min=0))
+    is_point = (trace_a[i] == 0) | (trace_b[j] == 0)  # then the value is exact
+    return np.where(is_point, total, (length * length - UNSURE * total).clip(min=0))
 
 
 def _solved(
@@ -223,9 +223,9 @@ def _solved(
     rows: tuple[Ints, Ints],
     works: Floats,
     what: str,
-    effort: Resources,
+    resources: Resources,
 ) -> Floats:
-    """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter.
+    """Compute distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
 
     `one()` makes the function of two rows for some neighbouring pairs; `works` are in milliseconds,
     about.
@@ -233,9 +233,9 @@ def _solved(
     count = len(works)
     if not count:
         return np.zeros(0)
-    jobs = min(effort.jobs or cores(), count)
+    jobs = min(resources.jobs or cores(), count)
     answer = np.zeros(count)
-    # Small enough that an interrupt is heeded soon.
+    # Small enough to stop soon after an interrupt.
     step = max(1, min(64, count // (8 * jobs), int(SOON * count / works.sum())))
 
     def solve(begin: int) -> int:
@@ -244,18 +244,18 @@ def _solved(
             answer[k] = between(int(rows[0][k]), int(rows[1][k]))
         return part.stop
 
-    solve(0)  # what cannot be imported says so before threads are made
+    solve(0)  # import errors appear before threads start
     begins = range(step, count, step)
     together = np.add.reduceat(works, np.arange(0, count, step))[1:]
-    with effort.stopwatch.showing():
-        for done in effort.stopwatch.paced(in_order(solve, begins, jobs), together, what):
-            effort.stopwatch.stage = f"distances of clouds, {done:,} of {count:,}"
+    with resources.stopwatch.showing():
+        for done in resources.stopwatch.paced(in_order(solve, begins, jobs), together, what):
+            resources.stopwatch.stage = f"distances of clouds, {done:,} of {count:,}"
     return answer
 
 
 def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> None:
-    """Whether costs of all pairs fit."""
-    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MOST_PARTICLES**2)
+    """Check that the costs of all pairs fit into memory."""
+    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MAX_PARTICLES**2)
     if len(wrong):
         k = int(wrong[0])
         which = [f" with {size[k]} particles" for size in sizes]
@@ -265,7 +265,7 @@ def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides
 def slopes_of_particles(
     clouds: tuple[Clouds, Clouds], pairs: Pairs, order: int, factor: Floats | None
 ) -> Floats:
-    """``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)`` with the optimal plan pi.
+    """Return ``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)``, pi the optimal plan.
 
     By the envelope theorem: W^q is a minimum over plans. One of the derivatives where several plans
     are optimal; 0 where the distance is 0.
@@ -286,14 +286,14 @@ def slopes_of_particles(
     (M, d) float array
         Of the particles of the estimate of each pair, one pair behind the other.
     """
-    found = [np.zeros((0, clouds[1].points.shape[1]))]
+    slopes = [np.zeros((0, clouds[1].points.shape[1]))]
     near = zip(
         pairs.truth_row.tolist(), pairs.estimate_row.tolist(), pairs.distance.tolist(), strict=True
     )
-    for i, j, apart in near:
+    for i, j, length in near:
         pair = clouds[0][i], clouds[1][j]
-        if apart == 0:
-            found.append(np.zeros_like(pair[1][0]))
+        if length == 0:
+            slopes.append(np.zeros_like(pair[1][0]))
             continue
         a, b = pair if factor is None else whitened(pair, factor)
         share = plan(a, b, order)
@@ -303,9 +303,9 @@ def slopes_of_particles(
         # sum_i share_ij (y_j - x_i), from differences to one place
         centre = b[0][0]
         moved = share.sum(axis=0)[:, None] * (b[0] - centre) - share.T @ (a[0] - centre)
-        moved *= apart ** (1 - order)
-        found.append(moved if factor is None else np.linalg.solve(factor.T, moved.T).T)
-    return np.concatenate(found)
+        moved *= length ** (1 - order)
+        slopes.append(moved if factor is None else np.linalg.solve(factor.T, moved.T).T)
+    return np.concatenate(slopes)
 
 
 INNER = ("euclidean", "mahalanobis")
@@ -360,7 +360,7 @@ class CloudWasserstein(Distance):
             raise ConfigError(f"reduction is {self.reduction!r}: must be a Reduction(size=...)")
         if self.covariance is not None and self.inner != "mahalanobis":
             raise ConfigError("a covariance of particles needs the inner distance mahalanobis")
-        # Checks scale and covariance, and keeps them as tuples.
+        # This checks scale and covariance, and makes them tuples.
         for name in ("scale", "covariance"):
             if hasattr(self.inner_of_means, name):
                 object.__setattr__(self, name, getattr(self.inner_of_means, name))
@@ -383,29 +383,29 @@ class CloudWasserstein(Distance):
         return Norm(name="euclidean", power=2.0, scale=self.scale)
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of points, as states alone are; of clouds the distance of their means."""
+        """Return the distance of points, or of the means of clouds."""
         return self.inner_of_means.between(components)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """That of the distance of the means."""
+        """Return the reach of the distance of the means."""
         return self.inner_of_means.reach(cutoff, axes)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether covariance and scale are for so many columns."""
+        """Check that covariance and scale are for so many columns."""
         self.inner_of_means.check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Order, inner distance and reduction by the names of the options."""
-        found: DistanceSettings = {"cloud_order": self.order, "inner": self.inner}
+        """Return order, inner distance and reduction by the names of the options."""
+        record: DistanceSettings = {"cloud_order": self.order, "inner": self.inner}
         if self.covariance is not None:
-            found["inner_cov"] = np.asarray(self.covariance).tolist()
-        found |= super().settings(columns)
+            record["inner_cov"] = np.asarray(self.covariance).tolist()
+        record |= super().settings(columns)
         if self.reduction is not None:
-            found |= self.reduction.settings()
-        return found
+            record |= self.reduction.settings()
+        return record
 
     def fitted(self, sides: Sides) -> "CloudWasserstein":
-        """With the mean covariance of all clouds, where it is wanted and not given."""
+        """Return the distance with the mean covariance of all clouds, if it is requested."""
         if self.inner != "mahalanobis" or self.covariance is not None:
             return self
         spreads = [side.clouds.covariances for side in sides if side.clouds is not None]
@@ -426,23 +426,23 @@ class CloudWasserstein(Distance):
                 f"inner distance mahalanobis; name one with {option('inner_cov', metavar='FILE')}"
             ) from None
 
-    def prepared(self, sides: Sides, effort: Resources) -> tuple[Sides, Distance]:
-        """Scaled, reduced, coincident particles merged, whitened: then Euclidean."""
+    def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, Distance]:
+        """Scale, reduce, merge and whiten the clouds: then the distance is Euclidean."""
         centre = np.concatenate([side.state[:1] for side in sides])[:1]
         factor = None if self.covariance is None else cholesky(self.covariance)
-        found = []
+        ready = []
         for side in sides:
             clouds = self._scaled(side)
             if self.reduction is not None:
-                clouds = reduced(clouds, self.reduction, effort)
+                clouds = reduced(clouds, self.reduction, resources)
             clouds = clouds.merged()
             if factor is not None and len(clouds):
                 clouds = clouds.moved(whitened_points(clouds.points, factor, centre[0]))
-            found.append(side.with_clouds(clouds))
-        return (found[0], found[1]), self._measure(len(sides[0].columns))
+            ready.append(side.with_clouds(clouds))
+        return (ready[0], ready[1]), self._measure(len(sides[0].columns))
 
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """By the envelope theorem: the optimal plan and the weights are held.
+        """Return derivatives by the envelope theorem, with fixed optimal plan and weights.
 
         Raises
         ------
@@ -464,7 +464,7 @@ class CloudWasserstein(Distance):
         return clouds if self.scale is None else clouds.moved(clouds.points * self.scale)
 
     def _measure(self, size: int) -> Distance:
-        """Of clouds as they are prepared."""
+        """Return the distance of prepared clouds."""
         return CloudPairs(order=self.order, gating=self.gating)
 
 
@@ -478,11 +478,11 @@ class PairCloudWasserstein(CloudWasserstein):
     inner: str = "mahalanobis"
 
     def fitted(self, sides: Sides) -> "PairCloudWasserstein":
-        """As it is: every pair has its own."""
+        """Return the same distance: every pair has its own covariance."""
         return self
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """As of other clouds, with the word for it."""
+        """Return the settings of clouds, and the name of this covariance."""
         return {**super().settings(columns), "inner_cov": "pair"}
 
     def _measure(self, size: int) -> Distance:
@@ -492,10 +492,10 @@ class PairCloudWasserstein(CloudWasserstein):
 def reduced(
     clouds: Clouds,
     reduction: Reduction,
-    effort: Resources,
+    resources: Resources,
     histories: list[list[float]] | None = None,
 ) -> Clouds:
-    """Every cloud reduced; the user is notified if that takes long.
+    """Reduce every cloud; notify the user if that takes long.
 
     `histories` get the distance to each cloud before each iteration.
     """
@@ -505,57 +505,57 @@ def reduced(
     what = counted(int(np.count_nonzero(is_large)), "cloud")
     works = (clouds.counts * is_large).tolist()
 
-    def passed(found: Iterator[tuple[Cloud, list[float]]]) -> Iterator[Cloud]:
-        for cloud, history in effort.stopwatch.paced(found, works, f"{what} to reduce"):
+    def passed(reductions: Iterator[tuple[Cloud, list[float]]]) -> Iterator[Cloud]:
+        for cloud, history in resources.stopwatch.paced(reductions, works, f"{what} to reduce"):
             if histories is not None:
                 histories.append(history)
             yield cloud
 
-    with effort.stopwatch.showing(f"reducing {what}"):
-        return clouds.changed(reduction.trace, effort.jobs, passed)
+    with resources.stopwatch.showing(f"reducing {what}"):
+        return clouds.changed(reduction.trace, resources.jobs, passed)
 
 
 @lru_cache(maxsize=8)
 def fixed_directions(size: int, count: int | None, seed: int) -> Floats:
-    """Unit vectors (V, d) that are a tight frame, the same for the same numbers."""
-    found = spread_directions(size, count, np.random.default_rng(seed))
-    found.flags.writeable = False
-    return found
+    """Return unit vectors (V, d) of a tight frame, the same for the same arguments."""
+    directions = spread_directions(size, count, np.random.default_rng(seed))
+    directions.flags.writeable = False
+    return directions
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlicedPairs(CloudPairs):
-    """Of clouds of distinct particles, in the space of the directions (V, d)."""
+    """Distance of clouds of distinct particles along directions (V, d)."""
 
     directions: Floats
     maximum: bool
 
     @property
-    def has_moments_bound(self) -> bool:
-        """It bounds the whole distance, which is larger."""
+    def has_gelbrich_bound(self) -> bool:
+        """False: the Gelbrich bound is one of the whole distance, which is larger."""
         return False
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of the means."""
-        apart, total = [a - b for a, b in components], np.zeros(())
-        for direction in self.directions:  # one after the other: there may be many pairs
-            size = np.abs(sum(v * part for v, part in zip(direction, apart, strict=True)))
+        """Return the distance of the means."""
+        differences, total = [a - b for a, b in components], np.zeros(())
+        for direction in self.directions:  # one by one, as there may be many pairs
+            size = np.abs(sum(v * part for v, part in zip(direction, differences, strict=True)))
             total = np.maximum(total, size) if self.maximum else total + size**self.order
         whole = total if self.maximum else (total / len(self.directions)) ** (1 / self.order)
         return np.asarray(whole)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """That of the Euclidean distance that two means may have."""
+        """Return the reach of the Euclidean distance that two means may have."""
         size = float(len(axes))
         factor = size if self.order == 1 and not self.maximum else np.sqrt(size)
         return super().reach(cutoff * factor * (1 + REACH_ROUNDING), axes)
 
     def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
-        """Of sorting along each direction."""
+        """Estimate the work of sorting along each direction."""
         return np.asarray(0.05 + 5e-5 * len(self.directions) * (sizes[0] + sizes[1]))
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Each cloud is sorted once for neighbouring pairs."""
+        """Return the distance function; each cloud is sorted once for neighbouring pairs."""
         centre = clouds[0].points[0]  # sums of small numbers keep their digits
         known: dict[tuple[int, int], Lines] = {}
 
@@ -574,7 +574,7 @@ class SlicedPairs(CloudPairs):
         return between
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Of order 2, where squares of means and of spreads add up along each direction."""
+        """Return for order 2 the distances of means and of spreads, added over directions."""
         return None if self.maximum else super().parts(pairs, sides)
 
 
@@ -640,7 +640,7 @@ class SlicedWasserstein(CloudWasserstein):
         )
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of points, as states alone are; of clouds the distance of their means."""
+        """Return the distance of points, or of the means of clouds."""
         pairs = list(components)
         measure = self._measure(len(pairs))
         lines = measure.directions
@@ -651,17 +651,17 @@ class SlicedWasserstein(CloudWasserstein):
         return replace(measure, directions=lines).between(pairs)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """That of the distance of the means."""
+        """Return the reach of the distance of the means."""
         ratio = self._measure(len(axes)).reach(1.0, axes)
         return self.inner_of_means.reach(cutoff * float(ratio[0, 0]), axes)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """As of clouds, and the directions."""
+        """Return the settings of clouds, and the directions."""
         count = len(self._measure(len(columns)).directions)
         return super().settings(columns) | {"directions": count, "seed": self.seed}
 
     def particle_slopes(self, pairs: object, sides: object) -> NoReturn:
-        """None is known.
+        """Refuse, as no derivative is known.
 
         Raises
         ------

@@ -63,7 +63,7 @@ class GaussianWasserstein(Distance):
     def __post_init__(self) -> None:
         if self.mixed not in MIXED:
             raise ConfigError(f"mixed is {quoted(self.mixed)}: must be one of {', '.join(MIXED)}")
-        for name in ("scale", "period"):  # checked, and as tuples
+        for name in ("scale", "period"):  # check them, and make them tuples
             object.__setattr__(self, name, getattr(self._means, name))
 
     @property
@@ -73,7 +73,7 @@ class GaussianWasserstein(Distance):
 
     @property
     def tree_power(self) -> float:
-        """That of the means, which are nowhere further apart than the Gaussians."""
+        """Power of the norm of the means, a lower bound of the distance."""
         return self._means.tree_power
 
     @cached_property
@@ -81,34 +81,34 @@ class GaussianWasserstein(Distance):
         return Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Means and, scaled, lower factors of the covariances, each factored once."""
+        """Return means and scaled lower factors of the covariances, each factored once."""
         means = side.state[rows].T
         d, count = means.shape
-        found = np.zeros((d * (d + 3) // 2, count))
-        found[:d] = means
+        components = np.zeros((d * (d + 3) // 2, count))
+        components[:d] = means
         packed = None
         if side.clouds is not None:
             packed = covariances.pack(side.clouds.covariances[rows])
         elif side.covariance is not None:
             packed = np.ascontiguousarray(side.covariance[rows].T)
         if packed is not None:
-            found[d:] = covariances.factor(packed)
+            components[d:] = covariances.factor(packed)
             for row, scale in enumerate(self.scale or ()):
                 begin = d + row * (row + 1) // 2
-                found[begin : begin + row + 1] *= scale
-        return found
+                components[begin : begin + row + 1] *= scale
+        return components
 
     def between(self, components: Iterable[Pair]) -> Floats:
-        """Distance of Gaussians that are given component by component: means, then factors."""
+        """Return the distance of Gaussians, given component by component: means, then factors."""
         return np.hypot(*self._parts(components))
 
     def parts(self, pairs: Pairs, sides: Sides) -> Pair:
-        """Distances of the means, and of the covariances."""
+        """Return the distances of the means, and of the covariances."""
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         return self._parts(zip(a, b, strict=True))
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Derivative by the means: that of their distance, times its share of the whole."""
+        """Return derivatives by the means: of their distance, times its share of the whole."""
         slopes = self._means.slopes(pairs, sides)
         means, spreads = self.parts(pairs, sides)
         whole = np.hypot(means, spreads)
@@ -120,15 +120,15 @@ class GaussianWasserstein(Distance):
         return self._means.between(pairs[:d]), bures(pairs[d:])
 
     def embed(self, axes: Floats) -> Floats:
-        """Those of the means."""
+        """Return the points of the means."""
         return self._means.embed(axes[: _dimension(len(axes))])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """That of the means, which are nowhere further apart than the Gaussians."""
+        """Return the reach of the means, whose distance is a lower bound."""
         return self._means.reach(cutoff, axes[: _dimension(len(axes))])
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Periods and scales by the names of the columns, and what becomes of clouds."""
+        """Return periods and scales by column name, and the treatment of clouds."""
         return {**super().settings(columns), "mixed": self.mixed}
 
 
@@ -140,7 +140,7 @@ def gaussian_wasserstein(
     *,
     period: ArrayLike | None = None,
 ) -> Floats:
-    """Wasserstein distance of order 2 between Gaussians; all arguments broadcast.
+    """Return the Wasserstein distance of order 2 between Gaussians; all arguments broadcast.
 
     Parameters
     ----------
@@ -197,40 +197,40 @@ def gaussian_wasserstein(
 
 def _numbers(name: str, values: ArrayLike) -> Floats:
     try:
-        found = np.asarray(values)
-        if found.dtype.kind == "c":
+        array = np.asarray(values)
+        if array.dtype.kind == "c":
             raise TypeError("complex")
-        found = found.astype(np.float64, copy=False)
+        array = array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
         raise InputError(f"{name} must be an array of real numbers") from None
-    if not np.isfinite(found).all():
+    if not np.isfinite(array).all():
         raise InputError(f"{name}: a number is not finite")
-    return found
+    return array
 
 
 def _factors(matrices: ArrayLike | None, d: int) -> Floats:
-    """Lower factors (d (d + 1) / 2, ...)."""
+    """Return lower factors (d (d + 1) / 2, ...)."""
     if matrices is None:
         return np.zeros(d * (d + 1) // 2)
-    found = _numbers("covariance", matrices)
-    if d == 1 and not found.ndim:
-        found = found.reshape(1, 1)
-    if found.shape[-2:] != (d, d):
-        raise InputError(f"covariance has the shape {found.shape}: must be (..., {d}, {d})")
-    stack = found.shape[:-2]
+    array = _numbers("covariance", matrices)
+    if d == 1 and not array.ndim:
+        array = array.reshape(1, 1)
+    if array.shape[-2:] != (d, d):
+        raise InputError(f"covariance has the shape {array.shape}: must be (..., {d}, {d})")
+    stack = array.shape[:-2]
 
     def where(k: int) -> str:
         at = tuple(map(int, np.unravel_index(k, stack)))
         return f"covariance {at}" if stack else "covariance"
 
-    packed, notices = covariances.from_matrices(found.reshape(math.prod(stack), d, d), where)
+    packed, notices = covariances.from_matrices(array.reshape(math.prod(stack), d, d), where)
     for notice in notices:
         warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return covariances.factor(packed).reshape(len(packed), *stack)
 
 
 def bures(factors: Sequence[Pair]) -> Floats:
-    """Bures distance of covariances that are given by the components of their lower factors."""
+    """Return the Bures distance of covariances, given by the components of their lower factors."""
     d = covariances.size_of(len(factors))
     if d == 1:
         ((a, b),) = factors
@@ -239,7 +239,7 @@ def bures(factors: Sequence[Pair]) -> Floats:
 
 
 def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
-    """Of two components, in closed form.
+    """Return the Bures distance of two components, in closed form.
 
     With A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12`` the best Q turns by the angle t of
     (p, s), a rotation because det A >= 0. Half of it is given to either side, ``||L1 R(-t/2) -
@@ -255,7 +255,7 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
         ahead, length = (np.where(length > 0, x, 1.0) for x in (ahead, length))
     cosine, sine = ahead / length, s / length
     back = p < 0
-    if back.any():  # beyond a right angle: the half from there on is what is left of it
+    if back.any():  # beyond a right angle, use half of the rest
         turned = np.copysign(cosine, s)
         cosine, sine = np.where(back, np.abs(sine), cosine), np.where(back, turned, sine)
     parts = (
@@ -268,15 +268,15 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 
 
 def _bures_many(factors: Sequence[Pair]) -> Floats:
-    """Of any number of components, by singular value decompositions, in blocks of pairs.
+    """Return the Bures distance of any number of components, by SVD in blocks of pairs.
 
     Q = U V' where A = L2' L1 = U S V'. Which of two covariances is the first is decided by their
     numbers, so that the rounding is the same both ways.
     """
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
-    found = np.empty(len(sides[0][0]))
-    for begin in range(0, len(found), PAIRS_TOGETHER):
+    lengths = np.empty(len(sides[0][0]))
+    for begin in range(0, len(lengths), PAIRS_TOGETHER):
         a, b = (np.array([x[begin : begin + PAIRS_TOGETHER] for x in side]) for side in sides)
         at = np.argmax(a != b, axis=0)[None]  # the first component in which they differ
         later = np.take_along_axis(a, at, axis=0) > np.take_along_axis(b, at, axis=0)
@@ -287,12 +287,12 @@ def _bures_many(factors: Sequence[Pair]) -> Floats:
         rest = one - two @ (u @ v)
         equal = (one == two).all(axis=(1, 2))
         norm = np.sqrt(np.einsum("rij,rij->r", rest, rest))
-        found[begin : begin + PAIRS_TOGETHER] = np.where(equal, 0.0, norm)
-    return found.reshape(shape)
+        lengths[begin : begin + PAIRS_TOGETHER] = np.where(equal, 0.0, norm)
+    return lengths.reshape(shape)
 
 
 def _dimension(count: int) -> int:
-    """The d of d components of a mean and d (d + 1) / 2 of a factor."""
+    """Return the d of d components of a mean and d (d + 1) / 2 of a factor."""
     d = covariances.size_of(count + 1) - 1
     if d < 1 or d * (d + 3) // 2 != count:
         raise InputError(

@@ -73,7 +73,7 @@ class Mahalanobis(Distance):
         object.__setattr__(self, "_residuals", _residuals(factor))
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Euclidean length of ``L^-1 (a - b)``, by forward substitution, where ``C = L L'``."""
+        """Return the norm of ``L^-1 (a - b)``, by forward substitution, with ``C = L L'``."""
         whitened: list[Floats] = []
         factor: Floats = self.__dict__["_factor"]
         for k, (a, b) in enumerate(components):
@@ -85,25 +85,23 @@ class Mahalanobis(Distance):
         return reduce(np.hypot, whitened, np.zeros(()))
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """``S C^-1 S (b - a) / d`` with the scales S."""
+        """Return ``S C^-1 S (b - a) / d`` with the scales S."""
         scale = np.asarray(self.scale or (1.0,) * len(a))[:, None]
-        apart = scale * (b - a)
-        pull = np.linalg.solve(np.asarray(self.covariance), apart)
-        length = np.sqrt(np.maximum((apart * pull).sum(axis=0), 0.0))
+        difference = scale * (b - a)
+        pull = np.linalg.solve(np.asarray(self.covariance), difference)
+        length = np.sqrt(np.maximum((difference * pull).sum(axis=0), 0.0))
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """The columns, and what is left of each that those before it nearly determine."""
+        """Return the columns, and the residuals of those that earlier ones nearly determine."""
         weights = self._weights()
         if not len(weights):
             return axes
-        left = np.clip(
-            weights @ axes, -LARGEST_REST, LARGEST_REST
-        )  # no number where infinities cancel
+        left = np.clip(weights @ axes, -LARGEST_REST, LARGEST_REST)  # NaN if infinities cancel
         return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """What the ellipsoid spans: c standard deviations of each column and of each residual.
+        """Return the span of the ellipsoid: c standard deviations of each column and residual.
 
         By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` for all weights f. Rounding of
         the distance adds to ``|L' f|`` some 2^-50 of the sum of |f| in standard deviations, as
@@ -121,26 +119,26 @@ class Mahalanobis(Distance):
         return np.concatenate((np.broadcast_to(plain, axes.shape), left))
 
     def _weights(self) -> Floats:
-        """Of the columns in the residuals (m, d)."""
+        """Return the weights of the columns in the residuals (m, d)."""
         weights: Floats = self.__dict__["_residuals"][0]
         deviation: Floats = self.__dict__["_deviation"]
         return weights * (np.asarray(self.scale or 1.0) / deviation)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether covariance and scale are for so many columns."""
+        """Check that covariance and scale are for so many columns."""
         if self.covariance is None:
             raise ConfigError("mahalanobis needs a covariance: Mahalanobis(covariance=...)")
         check_length("covariance", np.asarray(self.covariance), columns, name)
         super().check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """The matrix, and scales by the names of the columns."""
+        """Return the matrix, and scales by column name."""
         matrix = np.asarray(self.covariance).tolist()
         return {"covariance": matrix, **super().settings(columns)}
 
 
 def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
-    """Lower factor L of a covariance ``L L'``, of so many components if a size is given.
+    """Return the lower factor L of a covariance ``L L'``; check its size if one is given.
 
     Raises
     ------
@@ -172,7 +170,7 @@ class PairMahalanobis(Distance):
         return ("gaussian",)
 
     def fitted(self, sides: Sides) -> "PairMahalanobis":
-        """As it is, if there are covariances.
+        """Return the same distance, if there are covariances.
 
         Raises
         ------
@@ -187,41 +185,41 @@ class PairMahalanobis(Distance):
         return self
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Means and lower triangles of the covariances."""
+        """Return means and lower triangles of the covariances."""
         means = side.state[rows].T
-        found = np.zeros((len(means) * (len(means) + 3) // 2, means.shape[1]))
-        found[: len(means)] = means
+        components = np.zeros((len(means) * (len(means) + 3) // 2, means.shape[1]))
+        components[: len(means)] = means
         if side.covariance is not None:
-            found[len(means) :] = side.covariance[rows].T
-        return found
+            components[len(means) :] = side.covariance[rows].T
+        return components
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of Gaussians, component by component; 0 where the covariance is singular."""
+        """Return the distance of Gaussians by component; 0 if the covariance is singular."""
         rows = [np.broadcast_arrays(a, b) for a, b in components]
         d = covariances.size_of(len(rows) + 1) - 1
-        apart = [(a - b).ravel() for a, b in rows[:d]]
+        differences = [(a - b).ravel() for a, b in rows[:d]]
         factor = covariances.factor(np.array([0.5 * (a + b).ravel() for a, b in rows[d:]]))
         singular = (factor[_diagonal(d)] == 0).any(axis=0)
         squares = np.zeros(len(singular))
         whitened: list[Floats] = []
         for i in range(d):
             row = factor[i * (i + 1) // 2 :]
-            rest = apart[i] - sum(row[k] * whitened[k] for k in range(i))
+            rest = differences[i] - sum(row[k] * whitened[k] for k in range(i))
             whitened.append(np.divide(rest, row[i], out=np.zeros_like(squares), where=~singular))
             squares += whitened[-1] ** 2
         return np.sqrt(squares).reshape(rows[0][0].shape)
 
     def embed(self, axes: Floats) -> Floats:
-        """The means."""
+        """Return the means."""
         return axes[: covariances.size_of(len(axes) + 1) - 1]
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """C standard deviations: the larger of two bounds that of their mean covariance."""
+        """Return c standard deviations: the larger of two bounds that of their mean covariance."""
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
-    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Resources) -> Pairs:
-        """The same, if no covariance of a pair is singular.
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
+        """Return the same pairs, if no covariance of a pair is singular.
 
         Raises
         ------
@@ -241,12 +239,12 @@ class PairMahalanobis(Distance):
         return pairs
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """The word for it."""
+        """Return the name of this covariance."""
         return {"covariance": "pair"}
 
 
 def _diagonal(d: int) -> list[int]:
-    """Where the diagonal is in a lower triangle."""
+    """Return the positions of the diagonal in a lower triangle."""
     return [i * (i + 3) // 2 for i in range(d)]
 
 
@@ -263,9 +261,9 @@ def _matrix(covariance: ArrayLike) -> Floats:
             "covariance must have finite numbers, on the diagonal > 0 (from 1e-200 to 1e200)"
         )
     bound = np.sqrt(variance)[:, None] * np.sqrt(variance)
-    apart = np.abs(0.5 * matrix - 0.5 * matrix.T) > 1e-12 * bound
-    if apart.any():
-        i, j = (int(axis[0]) for axis in np.nonzero(apart))
+    asymmetric = np.abs(0.5 * matrix - 0.5 * matrix.T) > 1e-12 * bound
+    if asymmetric.any():
+        i, j = (int(axis[0]) for axis in np.nonzero(asymmetric))
         raise ConfigError(
             f"covariance is not symmetric: {matrix[i, j]:g} in row {i + 1}, column {j + 1}, but "
             f"{matrix[j, i]:g} in row {j + 1}, column {i + 1}"
@@ -274,10 +272,10 @@ def _matrix(covariance: ArrayLike) -> Floats:
 
 
 def _factor(matrix: Floats) -> tuple[Floats, Floats]:
-    """Standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
+    """Return standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
     deviation: Floats = np.sqrt(np.diag(matrix))
     try:
-        with np.errstate(over="ignore"):  # of correlations beyond 1, of which there is no factor
+        with np.errstate(over="ignore"):  # correlations beyond 1 have no factor
             factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
     except np.linalg.LinAlgError:
         factor = np.zeros_like(matrix)
@@ -289,7 +287,7 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
 
 
 def _residuals(factor: Floats) -> tuple[Floats, Floats]:
-    """Weights f (m, d) of the residuals of columns that are nearly determined, ``|L' f|`` (m,).
+    """Return weights f (m, d) of residuals of nearly determined columns, and ``|L' f|`` (m,).
 
     A column less its regression on those before it is f' v, where f is its row of L^-1 and has 1
     for the column itself; all in standard deviations. How well L^-1 is computed does not matter.

@@ -1,4 +1,4 @@
-"""Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only.
+"""Search for pairs of one step nearer than the cutoff, in time and memory of the near pairs.
 
 Some searches go further than that; the last word has `tgospa_problem` in `problem.metric_family`.
 """
@@ -20,7 +20,7 @@ from tgospa_eval.distances.vector import Norm
 from tgospa_eval.kernels import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
 
-MOST_PAIRS = 128
+MAX_PAIRS = 128
 """Pairs for each row that are compared after sorting along one axis alone."""
 
 NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
@@ -31,15 +31,15 @@ Ranges = tuple[Ints, Ints]
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
-    """First row and end of the rows of each of some steps (2, T)."""
-    wanted = np.empty((2, len(steps)), side.step.dtype)  # else all of the others are converted
+    """Return the first row and the end of the rows of each of some steps (2, T)."""
+    wanted = np.empty((2, len(steps)), side.step.dtype)  # else the whole column is converted
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
     return side.step.searchsorted(wanted)
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
-    """Pairs of the same of some steps that are nearer than the cutoff; None if that is not quick.
+    """Return pairs of some steps nearer than the cutoff; None if kernels are not quick for them.
 
     Parameters
     ----------
@@ -62,14 +62,14 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
         return None
     states = (side.state for side in sides)
     size = sum(int((end - begin).sum()) for begin, end in rows)
-    found = kernels.near_points(*states, *rows, cutoff, *norm, MOST_PAIRS * size)
-    if found is None:
+    pairs = kernels.near_points(*states, *rows, cutoff, *norm, MAX_PAIRS * size)
+    if pairs is None:
         return None
-    return Pairs(truth_row=found[0], estimate_row=found[1], distance=found[2])
+    return Pairs(truth_row=pairs[0], estimate_row=pairs[1], distance=pairs[2])
 
 
 def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
-    """Power and scales of a norm that the kernels know, of states that they can read."""
+    """Return power and scales of a norm that the kernels know, for states that they can read."""
     if kernels is None or not isinstance(distance, Norm) or distance.period is not None:
         return None
     if not all(side.state.flags.c_contiguous for side in sides):
@@ -79,16 +79,16 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 
 
 # -------------------------------------------------------------------------------------------------
-# Candidates for near pairs: what sorting along the axes leaves of all pairs of a step.
+# Candidates for near pairs: the pairs of a step that sorting along the axes leaves.
 #
-# It sees points, and for each of them and each axis its reach: near ones differ by less than the
+# Each point has a reach on each axis: near points differ by less than the
 # larger of their two reaches. The estimates are sorted by (step, cell, coordinate), where the cells
 # are as wide as the largest reach: the candidates of a truth are a few runs of that order, found by
 # bisection. One axis after the other is used until the candidates are few. The exact differences of
 # the candidates decide, so that rounding of the cells costs candidates, never pairs.
 #
-# Where that leaves many and reaches are unequal, points with a small one are searched apart from
-# those with a large one, and so on. Where it leaves many all the same, a tree is asked.
+# If that leaves many and reaches are unequal, points with a small one are searched separately from
+# those with a large one, and so on. If many are still left, a tree is searched.
 
 CANDIDATES_TOGETHER = 1 << 14
 """Candidates compared at a time; those of one truth are never divided."""
@@ -139,7 +139,7 @@ runs of that order."""
 def search(
     a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs that differ by less than the larger reach on every axis, or some more, in order.
+    """Yield pairs that differ by less than the larger reach on every axis, or some more, in order.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def search(
     if len(reach) and count.sum() > max(MANY_CANDIDATES * rows, CANDIDATES_TOGETHER):
         ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
         which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
-        if ratio[which, axis] > EQUAL_REACHES:  # of that side on that axis they differ the most
+        if ratio[which, axis] > EQUAL_REACHES:  # that side and axis differ the most
             del order, begin, count
             yield from _divided((a, b), reaches, power, which, axis)
             return
@@ -180,55 +180,55 @@ def _divided(
     which: int,
     axis: int,
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs, searched for small and for large reaches of a side, in order.
+    """Yield pairs in order, searched separately for small and for large reaches of a side.
 
     They are divided at their geometric mean: a few halvings of the logarithm leave equal ones.
     """
     own = reaches[which]
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
-    found = [np.zeros(0, np.int64)]
+    keys = [np.zeros(0, np.int64)]
     for rows in (np.flatnonzero(small), np.flatnonzero(~small)):
         side, reach = sides[which], own[:, rows]
         at = np.searchsorted(side.step[rows], np.arange(len(side.at)))
         part = replace(side, step=side.step[rows], at=at, axes=side.axes[:, rows])
         if which == 0:
             pieces = search(part, sides[1], (reach, reaches[1]), power)
-            found += [rows[i] << 32 | j for i, j in pieces]
+            keys += [rows[i] << 32 | j for i, j in pieces]
         else:
             pieces = search(sides[0], part, (reaches[0], reach), power)
-            found += [i << 32 | rows[j] for i, j in pieces]
-    pairs = np.sort(np.concatenate(found))
-    del found
+            keys += [i << 32 | rows[j] for i, j in pieces]
+    pairs = np.sort(np.concatenate(keys))
+    del keys
     for begin in range(0, len(pairs), CANDIDATES_TOGETHER):
         pair = pairs[begin : begin + CANDIDATES_TOGETHER]
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
 def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
-    """By the fewest axes that leave few, those with the largest spread in reaches first."""
+    """Choose the fewest axes that leave few candidates, in order of spread in reaches."""
     begin = b.at[a.step]
-    found: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
+    candidates: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
     enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
-    if found[2].sum() <= enough:
-        return found
-    least, most = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
-    if np.any(np.maximum(*least) - np.minimum(*most) >= reach):
-        return *found[:2], np.zeros_like(found[2])
+    if candidates[2].sum() <= enough:
+        return candidates
+    smallest, largest = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
+    if np.any(np.maximum(*smallest) - np.minimum(*largest) >= reach):
+        return *candidates[:2], np.zeros_like(candidates[2])
     # Halves, whose differences do not overflow.
-    low = 0.5 * np.minimum(*least)
-    spread = 0.5 * np.maximum(*most) - low
+    low = 0.5 * np.minimum(*smallest)
+    spread = 0.5 * np.maximum(*largest) - low
     axes = np.argsort(-spread / reach, kind="stable")[:CELL_AXES]
     for used in range(1, len(axes) + 1):
-        found = _by_cells(a, b, axes[:used], (low, spread), reach)
-        if found[2].sum() <= enough:
+        candidates = _by_cells(a, b, axes[:used], (low, spread), reach)
+        if candidates[2].sum() <= enough:
             break
-    return found
+    return candidates
 
 
 def _by_cells(
     a: SearchedSide, b: SearchedSide, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
 ) -> Candidates:
-    """Candidates by cells along all but the first of the axes, and by finer ones along that.
+    """Return candidates by cells along all axes but the first, and by finer ones along that.
 
     A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
     2^-12. With n cells to a reach, widened by 2^-10, numbers of near points differ by n at most:
@@ -256,21 +256,21 @@ def _by_cells(
             offset = (offset[:, None] + np.arange(-1, 2)).ravel()
     order = np.argsort(key_b)
     key_b = key_b[order]
-    asked = np.argsort(key_a)  # bisection is twice as quick for sorted questions
-    key_a = key_a[asked]
+    order_a = np.argsort(key_a)  # bisection is twice as quick for sorted keys
+    key_a = key_a[order_a]
     begin = np.empty((len(offset), len(key_a)), np.int64)
     count = np.empty_like(begin)
     for run, shift in enumerate(offset.tolist()):
         low_end = np.searchsorted(key_b, key_a + (shift - cells))
-        begin[run, asked] = low_end
-        count[run, asked] = np.searchsorted(key_b, key_a + (shift + cells + 1)) - low_end
+        begin[run, order_a] = low_end
+        count[run, order_a] = np.searchsorted(key_b, key_a + (shift + cells + 1)) - low_end
     return order, begin, count
 
 
 def _compared(
     truth: Floats, estimate: Floats, candidates: Candidates, reach: Floats
 ) -> Iterator[tuple[Ints, Ints]]:
-    """The candidates that are near on every axis (d, R), in order, in pieces."""
+    """Yield the candidates that are near on every axis (d, R), in order, in pieces."""
     order, begin, count = candidates
     ordered = [y.take(order) for y in estimate]
     total = count.sum(axis=0)
@@ -280,8 +280,8 @@ def _compared(
         number = count[:, lower:upper].ravel()
         i = np.repeat(np.tile(np.arange(lower, upper, dtype=np.int64), len(count)), number)
         at = concatenated(begin[:, lower:upper].ravel(), number)
-        for x, y, least in zip(truth, ordered, reach.tolist(), strict=True):
-            near = np.flatnonzero(np.abs(x.take(i) - y.take(at)) < least)
+        for x, y, limit in zip(truth, ordered, reach.tolist(), strict=True):
+            near = np.flatnonzero(np.abs(x.take(i) - y.take(at)) < limit)
             i, at = i.take(near), at.take(near)
         pair = np.sort(i << 32 | order[at])
         yield pair >> 32, pair & 0xFFFFFFFF
@@ -290,7 +290,7 @@ def _compared(
 def _tree(
     a: SearchedSide, b: SearchedSide, step: int, reach: Floats, power: float
 ) -> tuple[Ints, Ints]:
-    """Pairs of a step within the reach, and some beyond, by a k-d tree.
+    """Yield pairs of a step within the reach, and some beyond, by a k-d tree.
 
     Axes are scaled by powers of two, which is exact, and so that no square overflows. Where their
     reaches differ, that leaves them up to twice as wide as need be.
@@ -322,30 +322,30 @@ def near_pairs(
     estimate: Trajectories,
     cutoff: float,
     distance: Distance,
-    effort: Resources | None = None,
+    resources: Resources | None = None,
 ) -> Pairs:
-    """All pairs of one step that are nearer than `cutoff`, in one thread unless `effort` says more.
+    """Return pairs of one step nearer than `cutoff`, in one thread unless `resources` says more.
 
     Both must be on the same times.
     """
-    effort = effort or Resources(jobs=1)
-    sides, distance = distance.prepared((truth, estimate), effort)
-    return prepared_pairs(sides, cutoff, distance, effort)
+    resources = resources or Resources(jobs=1)
+    sides, distance = distance.prepared((truth, estimate), resources)
+    return prepared_pairs(sides, cutoff, distance, resources)
 
 
 def prepared_pairs(
-    sides: Sides, cutoff: float, distance: Distance, effort: Resources, *, margin: float = 0.0
+    sides: Sides, cutoff: float, distance: Distance, resources: Resources, *, margin: float = 0.0
 ) -> Pairs:
-    """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready.
+    """Return near pairs as `near_pairs`, of sides prepared by `Distance.prepared`.
 
     With a `margin` also pairs that are no more than that beyond the cutoff.
     """
     with DISTANCES.blamed(distance.name), np.errstate(over="ignore", invalid="ignore"):
-        return _prepared_pairs(sides, cutoff, distance, effort, margin)
+        return _prepared_pairs(sides, cutoff, distance, resources, margin)
 
 
 def _prepared_pairs(
-    sides: Sides, cutoff: float, distance: Distance, effort: Resources, margin: float
+    sides: Sides, cutoff: float, distance: Distance, resources: Resources, margin: float
 ) -> Pairs:
     truth, estimate = sides
     cutoff = max(cutoff, min(cutoff + margin, distance.largest))
@@ -358,12 +358,12 @@ def _prepared_pairs(
         rows = (np.array((at[begin:end], at[begin + 1 : end + 1])) for at in starts)
         return near_points(sides, (next(rows), next(rows)), limit, distance)
 
-    if len(stretches) == 1 and (found := quickly(*stretches[0])) is not None:
-        return found
+    if len(stretches) == 1 and (pairs := quickly(*stretches[0])) is not None:
+        return pairs
     kind = index_type(max(len(truth.step), len(estimate.step)))
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
 
-    @np.errstate(over="ignore", invalid="ignore")  # of each thread
+    @np.errstate(over="ignore", invalid="ignore")  # each thread has its own error state
     def between(steps: tuple[int, int]) -> list[tuple[Ints, Ints, Floats]]:
         known = quickly(*steps)
         if known is not None:
@@ -371,28 +371,28 @@ def _prepared_pairs(
             return [(known.truth_row + first, known.estimate_row + second, known.distance)]
         a = _rows(truth, starts[0], *steps, distance)
         b = _rows(estimate, starts[1], *steps, distance)
-        found = []
+        near_rows = []
         for i, j in _search(a, b, horizon, distance):
             value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
             near = np.flatnonzero(value < limit)
-            found.append((i[near] + a.first, j[near] + b.first, value[near]))
-        return found
+            near_rows.append((i[near] + a.first, j[near] + b.first, value[near]))
+        return near_rows
 
-    for pieces in in_order(between, stretches, min(effort.jobs or cores(), len(stretches))):
+    for pieces in in_order(between, stretches, min(resources.jobs or cores(), len(stretches))):
         for i, j, value in pieces:
             truth_rows.add(i)
             estimate_rows.add(j)
             distances.add(value)
-    found = Pairs(
+    pairs = Pairs(
         truth_row=truth_rows.done(), estimate_row=estimate_rows.done(), distance=distances.done()
     )
-    return distance.refined(found, sides, cutoff, effort)
+    return distance.refined(pairs, sides, cutoff, resources)
 
 
 def _search(
     a: SearchedSide, b: SearchedSide, cutoff: float, distance: Distance
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Candidates, by those axes of the embedded states that can separate some."""
+    """Yield candidates, by those axes of the embedded states that can separate some."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
     finite = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
@@ -418,19 +418,19 @@ class _Column(Generic[Value]):
         self.size = end
 
     def done(self) -> NDArray[Value]:
-        """What was added."""
+        """Return what was added."""
         self.values.resize(self.size, refcheck=False)
         return self.values
 
 
 def starts_of_steps(side: Trajectories) -> Ints:
-    """First row of each step, and the number of rows."""
+    """Return the first row of each step, and the number of rows."""
     steps = np.arange(len(side.times) + 1, dtype=side.step.dtype)
     return np.searchsorted(side.step, steps)
 
 
 def _together(done: Ints) -> Iterator[tuple[int, int]]:
-    """Ranges of steps with some `ROWS_TOGETHER` rows each; `done` is what lies before each step."""
+    """Return ranges of steps of `ROWS_TOGETHER` rows each; `done` counts rows before a step."""
     cuts = np.flatnonzero(np.diff(done[:-1] // ROWS_TOGETHER)) + 1
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 

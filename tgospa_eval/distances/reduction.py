@@ -28,12 +28,12 @@ from tgospa_eval.distances.transport import (
     Cloud,
     as_cloud,
     distance,
-    drawn,
     line_costs,
     merged,
     on_lines,
     plan,
     restrict_cloud,
+    sampled,
 )
 from tgospa_eval.errors import ConfigError, whole_number
 from tgospa_eval.text import quoted
@@ -46,7 +46,7 @@ PRIOR = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Reduction:
-    """How clouds are reduced.
+    """Settings by which clouds are reduced.
 
     Parameters
     ----------
@@ -93,33 +93,33 @@ class Reduction:
             raise ConfigError(
                 f"reduce-method is {quoted(self.method)}: must be one of {', '.join(METHODS)}"
             )
-        for name, least in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
-            whole_number(name, getattr(self, name), least)
+        for name, low in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
+            whole_number(name, getattr(self, name), low)
         if self.directions is not None and np.ndim(self.directions) == 0:
             whole_number("directions", self.directions)
 
     def settings(self) -> DistanceSettings:
-        """What changes the number, by the names of the options."""
-        found: DistanceSettings = {"reduce": self.size, "reduce_method": self.method}
+        """Return the settings that change the number, by the names of the options."""
+        record: DistanceSettings = {"reduce": self.size, "reduce_method": self.method}
         if self.method != "top":
-            found["seed"] = self.seed
+            record["seed"] = self.seed
         if self.method in _METHODS:
-            found |= {"iterations": self.iterations, "restarts": self.restarts}
+            record |= {"iterations": self.iterations, "restarts": self.restarts}
         if self.method in ("sliced", "recursive"):
             given = self.directions
-            found["directions"] = given if given is None else np.asarray(given).tolist()
-            found["polish"] = self.polish
-        return found
+            record["directions"] = given if given is None else np.asarray(given).tolist()
+            record["polish"] = self.polish
+        return record
 
     def __call__(self, cloud: Cloud, start: Floats | None = None) -> Cloud:
-        """The cloud with fewer particles; points (N, d), weights (N,) that sum to 1.
+        """Return the cloud with fewer particles; points (N, d), weights (N,) that sum to 1.
 
         `start` are positions (size, d) to begin with, instead of those drawn systematically.
         """
         return self.trace(cloud, start)[0]
 
     def trace(self, cloud: Cloud, start: Floats | None = None) -> tuple[Cloud, list[float]]:
-        """As when it is called, and the distance to the cloud before each iteration.
+        """Reduce a cloud, and return the distance to it before each iteration as well.
 
         The root of what the method makes smaller: of sliced and recursive the mean of W_2^2 along
         the directions ([Prossel] equation 12), of atl W_2^2 (equation 3), of kmeans the mean
@@ -128,35 +128,35 @@ class Reduction:
         points, weights = cloud
         if self.size >= len(points):
             return cloud, []
-        points, weights = merged(cloud)  # in order: equal clouds are reduced alike
+        points, weights = merged(cloud)  # sorted, so that equal clouds are reduced alike
         if self.size >= len(points):
             return (points, weights), []
         rng = np.random.default_rng(self.seed)
         if self.method == "top":
             return restrict_cloud(points, weights, self.size), []
         if self.method in RESAMPLING:
-            chosen = drawn(weights, self.size, self.method, None, rng)
+            chosen = sampled(weights, self.size, self.method, None, rng)
             return (points[chosen], np.full(self.size, 1 / self.size)), []
         centre = weights @ points  # sums of small numbers keep their digits
         centred = points - centre, weights
         step = _METHODS[self.method](self, centred, rng)
-        found = []
+        attempts = []
         for k in range(self.restarts):
             if k:
-                first = centred[0][drawn(weights, self.size, "multinomial", None, rng)]
+                first = centred[0][sampled(weights, self.size, "multinomial", None, rng)]
             elif start is not None:
                 first = start - centre
             else:
-                first = centred[0][drawn(weights, self.size, "systematic", 0.5)]
-            found.append(self._improved(centred, first, step))
-        best = found[0]
-        if len(found) > 1:
-            best = min(found, key=lambda each: distance(merged(each[0]), centred, 2))
+                first = centred[0][sampled(weights, self.size, "systematic", 0.5)]
+            attempts.append(self._improved(centred, first, step))
+        best = attempts[0]
+        if len(attempts) > 1:
+            best = min(attempts, key=lambda each: distance(merged(each[0]), centred, 2))
         (x, mass), costs = best
         return (x + centre, mass), costs
 
     def _improved(self, cloud: Cloud, x: Floats, step: "Step") -> tuple[Cloud, list[float]]:
-        """Positions after so many steps, or where they stay; then polished."""
+        """Iterate so many steps, or until positions stay; then polish."""
         costs = []
         for _ in range(self.iterations):
             before = x
@@ -183,7 +183,7 @@ def reduce_cloud(
     seed: int = 0,
     start: ArrayLike | None = None,
 ) -> tuple[Floats, Floats]:
-    """A cloud of fewer particles that is near to the given one; the mean is kept.
+    """Return a cloud of fewer particles that is near to the given one; the mean is kept.
 
     Parameters
     ----------
@@ -235,13 +235,13 @@ def reduce_cloud(
 
 
 def sliced_wasserstein(a: Cloud, b: Cloud, directions: Floats) -> float:
-    """Root of the mean of W_2^2 over projections on unit directions (V, d)."""
+    """Return the root of the mean of W_2^2 over projections on unit directions (V, d)."""
     squares = line_costs(on_lines(a, directions), on_lines(b, directions), 2)
     return float(np.sqrt(squares.mean()))
 
 
 def spread_directions(size: int, count: int | None, rng: "np.random.Generator") -> Floats:
-    """Unit vectors (V, d), evenly spread: angles in the plane, else random orthonormal frames.
+    """Return evenly spread unit vectors (V, d): angles in the plane, else random frames.
 
     In more than two dimensions V is rounded up to whole frames.
     """
@@ -253,12 +253,12 @@ def spread_directions(size: int, count: int | None, rng: "np.random.Generator") 
         return np.column_stack((np.cos(angle), np.sin(angle)))
     frames = -(-(count or 24 * size) // size)
     turned, upper = np.linalg.qr(rng.standard_normal((frames, size, size)))
-    signs = np.sign(np.diagonal(upper, axis1=1, axis2=2))  # else some turns are preferred
+    signs = np.sign(np.diagonal(upper, axis1=1, axis2=2))  # otherwise some rotations are preferred
     return np.asarray(turned * signs[:, None, :]).transpose(0, 2, 1).reshape(-1, size)
 
 
 def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
-    """Means (size,) of slots of equal mass of values (N,), in ascending order.
+    """Return means (size,) of slots of equal mass of values (N,), in ascending order.
 
     The slots are cut out of the cumulative sums of weight and of weight times value: no plan.
     """
@@ -277,7 +277,7 @@ Step = Callable[[Floats], tuple[Cloud, float]]
 def _projections(
     reduction: Reduction, cloud: Cloud, rng: "np.random.Generator"
 ) -> tuple[Floats, Floats, float]:
-    """Directions (V, d), slot means (V, n) of the projections, and the mean variance in slots."""
+    """Return directions (V, d), slot means (V, n) of projections, and mean variance in slots."""
     size = cloud[0].shape[1]
     if reduction.directions is None or np.ndim(reduction.directions) == 0:
         count = reduction.directions
@@ -296,7 +296,7 @@ def _projections(
 
 
 def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
-    """For each direction and particle the slot mean of its rank (V, n); ties by position.
+    """Return for each direction and particle the slot mean of its rank (V, n); ties by position.
 
     Particles that coincide have different ranks and so go different ways.
     """
@@ -318,7 +318,7 @@ def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> S
 
 
 def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:
-    """``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each direction v.
+    """Iterate ``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each v.
 
     [Prossel] equations 19 to 24, with the gain in equation 20: least squares with a weak pull to
     where it began. Ranks are those of the beginning; those on the way lead to worse positions.
@@ -347,7 +347,7 @@ def _even(x: Floats) -> Cloud:
 
 
 def _relocated(cloud: Cloud, x: Floats) -> tuple[Cloud, float]:
-    """Each particle to the mean of what an optimal plan brings it, [Prossel] equation 7.
+    """Move each particle to the mean of what an optimal plan brings it, [Prossel] equation 7.
 
     And what the plan costs, as |x|^2 + |y|^2 - 2 x'y under it.
     """
@@ -358,15 +358,15 @@ def _relocated(cloud: Cloud, x: Floats) -> tuple[Cloud, float]:
 
 
 def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:  # noqa: ARG001
-    """Lloyd's iteration; a centre without particles goes to the one that costs most."""
+    """Iterate Lloyd's algorithm; a centre without particles moves to the costliest one."""
     from scipy.spatial.distance import cdist
 
     points, weights = cloud
 
     def step(x: Floats) -> tuple[Cloud, float]:
-        apart = cdist(points, x, "sqeuclidean")
-        nearest = apart.argmin(axis=1)
-        cost = weights * apart[np.arange(len(points)), nearest]
+        squares = cdist(points, x, "sqeuclidean")
+        nearest = squares.argmin(axis=1)
+        cost = weights * squares[np.arange(len(points)), nearest]
         total = float(cost.sum())
         for empty in np.flatnonzero(np.bincount(nearest, minlength=len(x)) == 0):
             only_one = np.bincount(nearest, minlength=len(x))[nearest] == 1

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def _distance(name: str, value: Any) -> "Distance":
-    """A record, or one of a class with the default settings."""
+    """Return a record, or one of a class with the default settings."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     record = value() if isinstance(value, type) else value
@@ -45,7 +45,7 @@ DISTANCES: "Registry[Distance]" = Registry(
 
 
 def as_distance(distance: "str | Distance | None") -> "Distance":
-    """A record of settings, of a name that with the default ones; euclidean if none is chosen."""
+    """Return a record, or that of a name with default settings; euclidean if none is chosen."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     if isinstance(distance, Distance):

@@ -35,7 +35,7 @@ class Haversine(Distance):
     }
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether they are places without heights.
+        """Check that the columns are places without heights.
 
         Raises
         ------
@@ -56,11 +56,11 @@ class Haversine(Distance):
         return 2.0
 
     def last_place(self, sides: Sides) -> float:
-        """Of angles up to a half turn."""
+        """Return the last place of angles up to a half turn."""
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of points that are given as latitudes and longitudes.
+        """Return the distance of points that are given as latitudes and longitudes.
 
         With the differences dlat, dlon and the mean latitude,
 
@@ -80,7 +80,7 @@ class Haversine(Distance):
         return np.asarray(2 * RADIUS * np.arctan2(near, far))
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Derivative by latitude and longitude, in metres per degree: ``R dh / sqrt(h - h^2)``."""
+        """Return derivatives by latitude and longitude, in metres per degree."""
         turn = np.radians(np.fmod(np.fmod(b[1], 360.0) - np.fmod(a[1], 360.0), 360.0))
         lat_a, lat_b = np.radians(a[0]), np.radians(b[0])
         sine = np.sin(0.5 * turn)
@@ -92,7 +92,7 @@ class Haversine(Distance):
         return shares(slopes, width)
 
     def embed(self, axes: Floats) -> Floats:
-        """Points of the sphere."""
+        """Return points of the sphere."""
         latitude, longitude = axes[0], np.radians(np.fmod(axes[1], 360.0))
         across = RADIUS * _cosine(latitude)
         return np.array(
@@ -104,12 +104,12 @@ class Haversine(Distance):
         )
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """The cutoff, and the rounding of the points: no chord is longer than its arc."""
+        """Return the cutoff, and the rounding of the points: no chord is longer than its arc."""
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
 
 def _cosine(latitude: Floats) -> Floats:
-    """Cosine of degrees, exactly 0 at the poles."""
+    """Return the cosine of degrees, exactly 0 at the poles."""
     return np.sin(np.radians(90.0 - np.abs(latitude)))
 
 
@@ -159,7 +159,7 @@ class Geodesic(Distance):
         return 2.0
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether they are places, or places with heights.
+        """Check that the columns are places, perhaps with heights.
 
         Raises
         ------
@@ -178,15 +178,15 @@ class Geodesic(Distance):
             )
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """The weight of heights, where there are any."""
+        """Return the weight of heights, if there are any."""
         return {"vertical_weight": self.vertical_weight} if HEIGHT in columns else {}
 
     def last_place(self, sides: Sides) -> float:
-        """Of angles up to a half turn."""
+        """Return the last place of angles up to a half turn."""
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of points that are given as latitudes, longitudes, and perhaps heights."""
+        """Return the distance of points, given as latitudes, longitudes and perhaps heights."""
         (lat_a, lat_b), (lon_a, lon_b), *heights = components
         path = self._paths((lat_a, lon_a), (lat_b, lon_b))[1]
         if not heights:
@@ -195,13 +195,13 @@ class Geodesic(Distance):
         return np.asarray(np.hypot(path, self.vertical_weight * (first - second)))
 
     def _paths(self, a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-        """Direction at b of the shortest paths from a, in degrees, and their lengths."""
+        """Return directions at b of the shortest paths from a, in degrees, and their lengths."""
         whole = [np.array(x) for x in np.broadcast_arrays(a[1], a[0], b[1], b[0])]
         _, back, length = ellipsoid().inv(*whole)
         return np.asarray(back) + 180.0, np.asarray(length, np.float64)
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Derivative by latitude, longitude (metres per degree) and height, of ``d`` by ``b``.
+        """Return derivatives by latitude, longitude (metres per degree) and height of ``b``.
 
         That of s is the cosine of the direction at b times the radius of the meridian, and the sine
         times that of the parallel.
@@ -220,7 +220,7 @@ class Geodesic(Distance):
         return shares(np.vstack((path * slopes, rise)), whole)
 
     def embed(self, axes: Floats) -> Floats:
-        """Points of the ellipsoid, and weighted heights as a fourth coordinate."""
+        """Return points of the ellipsoid, and weighted heights as a fourth coordinate."""
         latitude, longitude = np.radians(axes[0]), np.radians(np.fmod(axes[1], 360.0))
         normal = SEMI_MAJOR / np.sqrt(1 - ECCENTRICITY * np.sin(latitude) ** 2)
         across = normal * np.cos(latitude)
@@ -232,7 +232,7 @@ class Geodesic(Distance):
         return np.array([*points, *(self.vertical_weight * axes[len(PLACES) :])])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """The cutoff, and the rounding of the points: no chord is longer than a path."""
+        """Return the cutoff, and the rounding of the points: no chord is longer than a path."""
         height = self.vertical_weight * np.abs(axes[len(PLACES) :]).max(initial=0.0)
         room = cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS
         return np.full((len(axes) + 1, 1), room + REACH_ROUNDING * height)

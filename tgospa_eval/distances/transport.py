@@ -33,7 +33,7 @@ RESAMPLING = ("systematic", "stratified", "multinomial")
 def as_cloud(
     points: ArrayLike, weights: ArrayLike | None, name: str, *, depth: int = 2
 ) -> tuple[Floats, Floats]:
-    """Points (N, d) and weights (N,) that sum to 1; `name` begins the messages.
+    """Check points (N, d) and weights (N,) that sum to 1; `name` begins the messages.
 
     Weights that are None are equal ones. A warning is for the line `depth` calls further out.
 
@@ -74,7 +74,7 @@ def as_cloud(
     fault = _weight_fault(given)
     if fault:
         raise ConfigError(f"{name}: {fault}")
-    # Divided first: a sum of huge weights may overflow. Exact: the order of particles is no matter.
+    # Divide first, as huge weights overflow. An exact sum ignores the order of particles.
     largest = float(given.max())
     scaled = given / largest
     total = math.fsum(scaled)
@@ -88,7 +88,7 @@ def as_cloud(
 
 
 def _weight_fault(weights: Floats) -> str:
-    """What is wrong with the first weight of a cloud that cannot be one; blank if none is."""
+    """Return what is wrong with the first invalid weight of a cloud; blank if none is."""
     what = "" if (weights > 0).any() else "all weights are zero"
     for wrong, name in (
         (weights < 0, "a weight is negative"),
@@ -104,7 +104,7 @@ def _weight_fault(weights: Floats) -> str:
 def restrict_cloud(
     points: ArrayLike, weights: ArrayLike | None, size: int
 ) -> tuple[Floats, Floats]:
-    """The particles of the highest weights, their weights normalised again.
+    """Return the particles of the highest weights, normalised again.
 
     The tails of the distribution go with the light particles: the distance between clouds that are
     restricted to few is biased, often by a third and more. Offered for comparisons.
@@ -149,7 +149,7 @@ def resample_cloud(
     offset: float | ArrayLike | None = None,
     rng: "np.random.Generator | int | None" = None,
 ) -> tuple[Floats, Floats]:
-    """Particles drawn with replacement, each with the weight ``1 / size``.
+    """Draw particles with replacement, each with the weight ``1 / size``.
 
     The i-th is the first whose cumulative weight exceeds u_i, where
 
@@ -190,18 +190,18 @@ def resample_cloud(
     """
     points, weights = as_cloud(points, weights, "cloud")
     size = whole_number("size", size)
-    chosen = drawn(weights, size, method, offset, rng)
+    chosen = sampled(weights, size, method, offset, rng)
     return points[chosen], np.full(size, 1 / size)
 
 
-def drawn(
+def sampled(
     weights: Floats,
     size: int,
     method: str,
     offset: float | ArrayLike | None = None,
     rng: "np.random.Generator | int | None" = None,
 ) -> NDArray[np.intp]:
-    """Positions of the particles that are drawn; the weights sum to 1."""
+    """Draw positions of particles; the weights sum to 1."""
     if method not in RESAMPLING:
         raise ConfigError(f"method is {quoted(method)}: must be one of {', '.join(RESAMPLING)}")
     count = 1 if method == "systematic" else size
@@ -239,14 +239,14 @@ ASSIGNED = 200
 WIDEST = 1e150
 """Of whitened coordinates: their squares are numbers."""
 
-MOST_PARTICLES = 4000
+MAX_PARTICLES = 4000
 """Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
 
 
 def too_large() -> str:
-    """Message about a pair of clouds of more particles."""
+    """Return the message about a pair of clouds of too many particles."""
     return (
-        f"more than {MOST_PARTICLES} x {MOST_PARTICLES} particles of a pair take too long and too "
+        f"more than {MAX_PARTICLES} x {MAX_PARTICLES} particles of a pair take too long and too "
         f"much memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
     )
 
@@ -266,7 +266,7 @@ def cloud_wasserstein(
     order: int = 2,
     covariance: ArrayLike | None = None,
 ) -> float:
-    """Wasserstein distance of two particle clouds: a metric on weighted clouds.
+    """Return the Wasserstein distance of two particle clouds: a metric on weighted clouds.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def transport_plan(
     *,
     order: int = 2,
 ) -> Floats:
-    """How the mass moves: an optimal plan between two clouds, with Euclidean distances.
+    """Return an optimal plan that moves the mass between two clouds, for Euclidean distances.
 
     Among several optimal plans, as ties have them, any may be returned.
 
@@ -351,7 +351,7 @@ def cross_covariance(
     points_b: ArrayLike,
     weights_b: ArrayLike | None,
 ) -> Floats:
-    """Covariance between the states of two clouds under their optimal plan.
+    """Return the covariance between the states of two clouds under their optimal plan.
 
     ``P12 = sum_ij w_ij (x_i - m_a) (y_j - m_b)'`` with the means m and the plan of order 2. With
     the covariances P1 and P2 of the clouds, ``W_2^2 = |m_a - m_b|^2 + tr(P1 + P2 - P12 - P12')``.
@@ -384,7 +384,7 @@ def cross_covariance(
 
 
 def check_order(order: object) -> None:
-    """Whether clouds can be compared with it.
+    """Check that clouds can be compared with this order.
 
     Raises
     ------
@@ -412,7 +412,7 @@ def _pair(
 
 
 def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
-    """Clouds ``L^-1 (x - centre)``, in which the Mahalanobis distance with L L' is Euclidean.
+    """Return clouds ``L^-1 (x - centre)``, whose Euclidean distance is the Mahalanobis one.
 
     Raises
     ------
@@ -420,39 +420,39 @@ def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
         Particles are so far apart that squares of distances overflow.
     """
     centre = clouds[0][0][0]
-    with np.errstate(over="ignore", invalid="ignore"):  # looked at below
-        found = tuple((whitened_points(x, factor, centre), weights) for x, weights in clouds)
-    if any(not (np.abs(points) <= WIDEST).all() for points, _ in found):
+    with np.errstate(over="ignore", invalid="ignore"):  # checked below
+        white = tuple((whitened_points(x, factor, centre), weights) for x, weights in clouds)
+    if any(not (np.abs(points) <= WIDEST).all() for points, _ in white):
         raise ConfigError(
             f"particles are more than {WIDEST:g} standard deviations apart; the covariance is "
             "too small for them"
         )
-    return found
+    return white
 
 
 def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
-    """``L^-1 (x - centre)`` by forward substitution.
+    """Return ``L^-1 (x - centre)`` by forward substitution.
 
     Number by number, and not by a routine for matrices, which may round equal particles to
     different places.
     """
-    found = np.empty(points.shape)
+    solved = np.empty(points.shape)
     for k, row in enumerate(factor):
         rest = points[:, k] - centre[k]
-        for weight, done in zip(row[:k], found.T, strict=False):
+        for weight, done in zip(row[:k], solved.T, strict=False):
             rest = rest - weight * done
-        found[:, k] = rest / row[k]
-    return found
+        solved[:, k] = rest / row[k]
+    return solved
 
 
 def merged(cloud: Cloud) -> Cloud:
-    """The cloud with its distinct particles once each, those without weight left out."""
+    """Return the cloud with each distinct particle once, without those of no weight."""
     points, weights, _ = _merged(cloud)
     return points, weights
 
 
 def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Distinct particles that weigh, their weights, and the place of each particle among them."""
+    """Return distinct particles with weight, their weights, and the place of each particle."""
     points, weights = cloud
     order = np.lexsort(points.T[::-1])
     ordered = points[order]
@@ -467,7 +467,7 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
-    """W_q of two clouds; distinct particles of positive weight, in order, save time."""
+    """Return W_q of two clouds; distinct particles of positive weight, in order, save time."""
     if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
@@ -479,7 +479,7 @@ def distance(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def are_alike(a: Cloud, b: Cloud) -> bool:
-    """Whether they are the same particles, with weights that differ by rounding only.
+    """Return whether clouds have the same particles, with weights equal but for rounding.
 
     The least mass that rounding leaves over would have to go far: its root is not small.
     """
@@ -492,7 +492,7 @@ def are_alike(a: Cloud, b: Cloud) -> bool:
 
 
 def plan(a: Cloud, b: Cloud, order: int) -> Floats:
-    """An optimal plan (N, M); particles that coincide share what goes to or from their place."""
+    """Return an optimal plan (N, M); coincident particles share the mass of their place."""
     (x, u, at_x), (y, v, at_y) = _merged(a), _merged(b)
     _check_size((x, u), (y, v))
     # Merged points of a line are sorted, and their plan runs along the diagonal.
@@ -506,7 +506,7 @@ def plan(a: Cloud, b: Cloud, order: int) -> Floats:
 
 
 def north_west(u: Floats, v: Floats) -> Floats:
-    """The plan of sorted clouds: from the first corner on, row or column is used up in turn."""
+    """Return the plan of sorted clouds by the north-west corner rule."""
     table = np.zeros((len(u), len(v)))
     i, j, mass = (part[0] for part in _pieces(np.cumsum(u)[None], np.cumsum(v)[None]))
     np.add.at(table, (i, j), mass)
@@ -514,7 +514,7 @@ def north_west(u: Floats, v: Floats) -> Floats:
 
 
 def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
-    """Which particles share each piece of the mass, and how much it is, (V, N + M - 1) each.
+    """Return which particles share each piece of the mass, and its size, (V, N + M - 1) each.
 
     By the running weights (V, N) and (V, M) of particles in order, or one line of them for all.
     """
@@ -523,7 +523,7 @@ def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
     cuts = np.concatenate(inner, axis=1)
     by_place = np.argsort(cuts, axis=1, kind="stable")
     cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
-    of_u = by_place < u.shape[1] - 1  # and else of v
+    of_u = by_place < u.shape[1] - 1  # the others are of v
     i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
     return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
 
@@ -533,7 +533,7 @@ Lines = tuple[Floats, Floats]
 
 
 def on_lines(cloud: Cloud, directions: Floats) -> Lines:
-    """Places of the particles along each direction (V, d), in order, with their running weights.
+    """Return sorted places of the particles along directions (V, d), with running weights.
 
     Summed component by component: a routine for matrices may round equal particles to different
     places.
@@ -553,29 +553,29 @@ def on_lines(cloud: Cloud, directions: Floats) -> Lines:
 
 
 def line_costs(a: Lines, b: Lines, order: int) -> Floats:
-    """W_q^q in one dimension, (V,): ``int_0^1 |F^-1(s) - G^-1(s)|^q ds``, quantile to quantile."""
+    """Return W_q^q in one dimension, (V,): ``int_0^1 |F^-1(s) - G^-1(s)|^q ds``, by quantiles."""
     (x, u), (y, v) = a, b
     if u.shape == v.shape and (u == v).all():
         return np.asarray((np.diff(u, prepend=0.0) * np.abs(x - y) ** order).sum(axis=1))
     i, j, mass = _pieces(u, v)
-    apart = np.take_along_axis(x, i, axis=1) - np.take_along_axis(y, j, axis=1)
-    return np.asarray((mass * np.abs(apart) ** order).sum(axis=1))
+    difference = np.take_along_axis(x, i, axis=1) - np.take_along_axis(y, j, axis=1)
+    return np.asarray((mass * np.abs(difference) ** order).sum(axis=1))
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:
-    if len(a[0]) * len(b[0]) > MOST_PARTICLES**2:
+    if len(a[0]) * len(b[0]) > MAX_PARTICLES**2:
         raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {too_large()}")
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:
-    """Distances of the particles to the power q, from differences: no large squares to cancel."""
+    """Return distances of the particles to the power q, from differences: no cancellation."""
     from scipy.spatial.distance import cdist
 
     return np.asarray(cdist(x, y, "sqeuclidean" if order == 2 else "euclidean"))
 
 
 def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
-    """An optimal plan for these costs."""
+    """Return an optimal plan for these costs."""
     if 1 in costs.shape:
         return u[:, None] * v
     if len(u) == len(v) <= ASSIGNED and (u == u[0]).all() and (v == v[0]).all():
@@ -584,7 +584,7 @@ def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
         table = np.zeros(costs.shape)
         table[linear_sum_assignment(costs)] = 1 / len(u)
         return table
-    # POT answers 0 to weights that are wrong, which those that come here are not.
+    # POT returns 0 for invalid weights; these are valid.
     best, log = _pot().emd(u, v, costs, numItermax=10_000_000, log=True, check_marginals=False)
     if log["warning"] is not None:
         raise SolverError(f"POT did not solve a transport: {log['warning']}")
@@ -592,7 +592,7 @@ def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
 
 
 def can_transport() -> bool:
-    """Whether POT is installed."""
+    """Return whether POT is installed."""
     return find_spec("ot") is not None
 
 

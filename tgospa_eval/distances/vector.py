@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
 
-MOST_BLURRED = 2.0**-20
+MAX_BLUR = 2.0**-20
 """Largest margin in units of the cutoff: coordinates with fewer digits say little anyway."""
 
 
@@ -64,22 +64,22 @@ class Norm(Distance):
         return max(self.power, 2.0) if self.period is not None else self.power
 
     def error(self, dimension: int) -> float:
-        """Of a difference, its scale, and ``dimension - 1`` sums, or hypotenuses to one last place.
+        """Return the error of a difference, its scale, and ``dimension - 1`` sums or hypotenuses.
 
         Not the shorter way round a circle: the difference to the period cancels.
         """
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Of the difference, of coordinates that were decimals, and of a way round a circle."""
+        """Return the rounding of differences, of decimal coordinates, and of circles."""
         size = max(np.abs(side.state).max(initial=0.0) for side in sides)
         if self.period is not None:
             size = max(size, *(period for period in self.period if period < np.inf), 0.0)
         blur = 2.0**-50 * size * max(self.scale or (1.0,))
-        return float(min(REACH_ROUNDING * cutoff + blur, MOST_BLURRED * cutoff))
+        return float(min(REACH_ROUNDING * cutoff + blur, MAX_BLUR * cutoff))
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        """Return the mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
         from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
@@ -97,13 +97,13 @@ class Norm(Distance):
         return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
-        """None: differences of doubles are right to their own last place, but round a circle."""
+        """Return 0: differences of doubles are exact to their last place, except round a circle."""
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of states that are given component by component, without overflow."""
+        """Return the distance of states, given component by component, without overflow."""
         sizes = self._sizes(components)
         if self.power == 1.0:
             return reduce(np.add, sizes)
@@ -112,31 +112,31 @@ class Norm(Distance):
         return reduce(np.hypot, sizes)
 
     def _sizes(self, components: Iterable[tuple[Floats, Floats]]) -> Iterator[Floats]:
-        """Absolute difference of each component."""
+        """Return the absolute difference of each component."""
         for k, (a, b) in enumerate(components):
             period = np.inf if self.period is None else self.period[k]
             size = np.abs(a - b) if period == np.inf else _around(a, b, period)
             yield size if self.scale is None else self.scale[k] * size
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Derivative of the norm by the second point, both (d, N)."""
+        """Return the derivative of the norm by the second point, both (d, N)."""
         scale = np.ones((len(a), 1)) if self.scale is None else np.array(self.scale)[:, None]
-        apart = b - a
+        difference = b - a
         for k, period in enumerate(self.period or ()):
             if period < np.inf:
-                apart[k] = np.remainder(apart[k] + 0.5 * period, period) - 0.5 * period
-        apart = apart * scale
-        sign = np.sign(apart)
+                difference[k] = np.remainder(difference[k] + 0.5 * period, period) - 0.5 * period
+        difference = difference * scale
+        sign = np.sign(difference)
         if self.power == 1.0:
             return scale * sign
         if self.power == np.inf:
-            largest = np.argmax(np.abs(apart), axis=0) == np.arange(len(apart))[:, None]
+            largest = np.argmax(np.abs(difference), axis=0) == np.arange(len(difference))[:, None]
             return np.where(largest, scale * sign, 0.0)
-        length = reduce(np.hypot, np.abs(apart))  # of one component its size
-        return scale * shares(apart, length)
+        length = reduce(np.hypot, np.abs(difference))  # the absolute value of a single component
+        return scale * shares(difference, length)
 
     def embed(self, axes: Floats) -> Floats:
-        """Points: a periodic component becomes two coordinates, on a circle of that length."""
+        """Return points: a periodic component becomes two coordinates, on a circle."""
         if self.period is None:
             return axes
         points: list[Floats] = []
@@ -149,7 +149,7 @@ class Norm(Distance):
         return np.array(points)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """The cutoff, in units of the column: no norm is below one difference, no arc a chord."""
+        """Return the cutoff in units of the column: no norm is below one difference."""
         if self.scale is None and self.period is None:
             return np.full((len(axes), 1), cutoff)
         reach: list[float] = []
@@ -163,12 +163,12 @@ class Norm(Distance):
 
 
 def shares(parts: Floats, whole: Floats) -> Floats:
-    """Quotients, 0 where the whole is."""
+    """Return quotients, 0 where the whole is."""
     return np.asarray(np.divide(parts, whole, out=np.zeros_like(parts), where=whole > 0))
 
 
 def _around(a: Floats, b: Floats, period: float) -> Floats:
-    """Difference the shorter way round the circle; the remainders of fmod are exact."""
+    """Return the difference the shorter way round the circle; the remainders of fmod are exact."""
     size = np.fmod(np.abs(np.fmod(a, period) - np.fmod(b, period)), period)
     return np.asarray(np.minimum(size, period - size))
 
@@ -176,7 +176,7 @@ def _around(a: Floats, b: Floats, period: float) -> Floats:
 def positive_numbers(
     name: str, values: Sequence[float] | None, also: tuple[float, ...] = ()
 ) -> tuple[float, ...] | None:
-    """Numbers for the columns, checked.
+    """Check numbers for the columns.
 
     Raises
     ------

@@ -17,11 +17,11 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
-from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
 
 Sides = tuple[Trajectories, Trajectories]
 
@@ -71,7 +71,7 @@ class Axis:
         Rows at stamps that are no declared steps.
     outages : Outages, optional
         Of the estimate, where the truth is interpolated.
-    held : Held, optional
+    reports : ClockReports, optional
         Reports of the estimate on a common clock.
     """
 
@@ -80,7 +80,7 @@ class Axis:
     made: tuple[str, tuple[int, int, int]] | None = None
     left_out: tuple[int, int] = (0, 0)
     outages: Outages | None = None
-    held: "Held | None" = None
+    reports: "ClockReports | None" = None
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
@@ -182,7 +182,7 @@ def _resampled(
         names=(names[0], option("resample")),
         across=across,
     )
-    (moved, made), estimate, held = make(ticks), axis.sides[1], None
+    (moved, made), estimate, reports = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
         from tgospa_eval.tracks.interpolation import hold  # lazy: few want it
 
@@ -190,12 +190,12 @@ def _resampled(
             return replace_times(make(side)[0], side)
 
         named = names[1], option("resample")
-        estimate, held = hold(truth, estimate, ticks, matching, truth_at, named)
+        estimate, reports = hold(truth, estimate, ticks, matching, truth_at, named)
     return Axis(
         sides=(replace_times(moved, ticks), replace_times(estimate, ticks)),
         horizon=ticks,
         made=("truth", made),
-        held=held,
+        reports=reports,
     )
 
 
@@ -390,9 +390,9 @@ def truth_gaps(
     if axis.held is not None:  # reports count at their own stamps
         narrow = estimate = axis.held.reports
     line, _ = _made(
-        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
+        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED
     )
-    rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
+    rows = np.flatnonzero(marks_of(line, NOT_COUNTED))
     states = 0
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)

@@ -25,7 +25,7 @@ from tgospa_eval.text import option
 def gradient(result: PairEvaluation) -> Gradient:
     """Return derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
-    if sides.alignment.held is not None:
+    if sides.alignment.reports is not None:
         raise ConfigError(
             f"{option('resample')}: reports hold for several steps, and no derivative by their "
             "states is known; evaluate at the times of the estimate, "
@@ -70,7 +70,7 @@ def _moved(
     the distance of each pair; clouds also have the place of their first particles (R + 1,).
     """
     aligned, distance = fitted.alignment, fitted.distance
-    sides = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+    sides = aligned.truth.reduced_to(distance.kinds), aligned.estimate.reduced_to(distance.kinds)
     clouds = sides[1].clouds
     by_particle = distance.particle_slopes(pairs, sides)
     if by_particle is None:

@@ -21,7 +21,7 @@ from tgospa_eval.formats.options import class_named
 from tgospa_eval.formats.reading import Regions
 from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.coverage import MARKED, MARKS, OWN_MARKS, marked, marks_of
-from tgospa_eval.tracks.interpolation import found_near
+from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 OUTSIDE, GAPS, IN_REGIONS = "outside-truth-steps", "truth-gaps", "in-regions"
@@ -229,7 +229,7 @@ class Ignoring:
             return estimate
         rows = np.zeros(len(estimate.step), bool)
         if OUTSIDE in self.texts:
-            _, there = found_near(estimate, truth, tolerance, (names[1], names[0]))
+            _, there = match_times(estimate, truth, tolerance, (names[1], names[0]))
             rows |= ~there[estimate.step]
         if self.regions is not None:
             rows |= inside(self.regions, estimate, tolerance, names[1])

@@ -82,7 +82,7 @@ def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
     """Return whether a pair has points, the distance of the first, and exact coordinates."""
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
-        pair.alignment.held is None
+        pair.alignment.reports is None
         and pair.distance == first.distance
         and sides[0].columns == first.alignment.truth.columns
         and all(side.kind == "point" and side.state.flags.c_contiguous for side in sides)

@@ -31,10 +31,10 @@ from tgospa_eval.evaluation.mot_metrics import (
 )
 from tgospa_eval.evaluation.prepare import PreparedPair, pairs_at_reports
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.results.records import OtherMetrics, PairProof
 from tgospa_eval.text import option
-from tgospa_eval.tracks.alignment import Held
+from tgospa_eval.tracks.alignment import ClockReports
 from tgospa_eval.tracks.trajectories import file_order
 
 METRIC_FIELDS = {
@@ -140,13 +140,13 @@ def other_metrics(
         if requested:
             sides = prepared.sides
             if proof is not None and prepared.states.problem.unjudged is not None:
-                kept = judged_rows(proof.states, proof.weights)
+                kept = evaluated_rows(proof.states, proof.weights)
                 first, second = (
                     side.chosen(np.flatnonzero(rows))
                     for side, rows in zip(sides, kept, strict=True)
                 )
                 sides = first, second
-            if prepared.held is not None and prepared.states.problem.unjudged is not None:
+            if prepared.reports is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
                     f"{option('with_')} hota, clear and identity do not go together with "
                     f"{option('resample')} and {option('ignore')}; leave one out"
@@ -205,7 +205,7 @@ def _similar_pairs(
 
     Their places are in the order of the files, which decides where sums are equal.
     """
-    boxes = distance.name == IOU and held is None
+    boxes = distance.name == IOU and reports is None
 
     def search(sides: Sides) -> Pairs:
         return prepared_pairs(

@@ -33,7 +33,7 @@ from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import (
     AWAY,
-    NOT_JUDGED,
+    NOT_COUNTED,
     Coverage,
     digest,
     judge,
@@ -45,7 +45,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of, expected
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
     from tgospa_eval.tracks.weights import WeightsByTime
 
 
@@ -220,8 +220,8 @@ class NearPairs:
                 return pairs
             return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, resources)
 
-        held = aligned.held
-        if held is None:
+        reports = aligned.reports
+        if reports is None:
             pairs = pairs_of(sides, reach)
         else:
 
@@ -238,7 +238,7 @@ class NearPairs:
             pairs=pairs,
             unjudged=unjudged,
             reach=reach,
-            given=held is not None,
+            given=reports is not None,
         )
 
     def problem(self, parameters: Parameters) -> Problem:
@@ -303,7 +303,7 @@ def recorded_settings(
     distance: Distance,
     request: EvaluationRequest,
     columns: tuple[str, ...],
-    held: "Held | None" = None,
+    reports: "ClockReports | None" = None,
 ) -> dict[str, object]:
     """Return every option that changes the number, without parameters and those of the solver."""
     return {
@@ -311,7 +311,7 @@ def recorded_settings(
         **distance.settings(columns),
         "columns": list(columns),
         **request.time_matching.recorded,
-        **({} if held is None else {"period": held.period}),
+        **({} if reports is None else {"period": reports.period}),
         "unit": request.unit,
         **_recorded_weights(request.step_weights),
         **({EXISTENCE: request.existence} if request.probabilistic else {}),
@@ -340,14 +340,14 @@ def measure(
 
     with stopwatch.span("distances"):
         truth, estimate = (
-            side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
+            side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
         scene: dict[str, Any] = {  # as read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": truth.second_moments,
-            "estimate_covariance": estimate.second_moments,
+            "truth_covariance": truth.spread,
+            "estimate_covariance": estimate.spread,
             "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
@@ -376,7 +376,7 @@ def measure(
             if request.probabilistic
             else None
         ),
-        held=aligned.held,
+        reports=aligned.reports,
     )
     return measured, near
 
@@ -442,8 +442,8 @@ def _recorded(
     """Return rows and digests of both sides, and the digest of what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
-    digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
-    counts = aligned.truth.seen_as(kinds)
+    digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
+    counts = aligned.truth.reduced_to(kinds)
     is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
     sha256 = digests[0] if is_whole else digest(counts, existence=likely)
     unjudged = unjudged_of(aligned, request)
@@ -486,7 +486,7 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
+        across = NOT_COUNTED if request.ignoring is not None and request.ignoring.gaps else ""
         cutoff = request.parameters.cutoff
         axis = on_axis(given, time_matching, distance, names, cutoff, across)
         axis = with_outages(axis, time_matching, distance, names, cutoff)

@@ -286,10 +286,10 @@ def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
     problem, scale = proof.states.problem, proof.parameters.scale
     pairs = read_assigned(proof.states, proof.weights)
     entry, weight = pairs.entry, pairs.weight
-    sides, held = prepared.sides, prepared.held
+    sides, reports = prepared.sides, prepared.reports
     own = problem.truth_row[entry], problem.estimate_row[entry]
-    if held is not None and type(prepared.distance).parts is not Distance.parts:
-        sides = held.located(sides[0].ids[sides[0].track[own[0]]], own[1])
+    if reports is not None and type(prepared.distance).parts is not Distance.parts:
+        sides = reports.located(sides[0].ids[sides[0].track[own[0]]], own[1])
         own = np.arange(len(entry)), np.arange(len(entry))
     measure, parameters = prepared.distance, proof.parameters
     parts = parts_of_distances(sides, measure, parameters, problem, entry, own)

@@ -24,7 +24,7 @@ from tgospa_eval.formats.reading import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAP
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.text import listed, option, quoted
-from tgospa_eval.tracks.interpolation import found_near
+from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.trajectories import PLACES, TimeArray, Trajectories
 
@@ -257,7 +257,7 @@ def _placed(
     """Return the numbers of the regions of each step of the side; those of all steps under None."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
-    at, there = found_near(own, side, tolerance, (regions.name, name))
+    at, there = match_times(own, side, tolerance, (regions.name, name))
     step: dict[int | float | None, int | None] = {None: None}
     step |= dict(zip(times[there].tolist(), at[there].tolist(), strict=True))
     placed: dict[int | None, list[int]] = {}

@@ -28,7 +28,7 @@ from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.formats.fields import EXACT_BELOW
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, changes, spare
 from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
@@ -565,11 +565,11 @@ def slices_of(
 
 def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     aligned = fitted.alignment
-    sides, held = (aligned.truth, aligned.estimate), aligned.held
+    sides, reports = (aligned.truth, aligned.estimate), aligned.reports
     rows = len(sides[0].step), len(sides[1].step)
     by_attribute = []
     for attribute in by.attributes:
-        if held is None:
+        if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
         else:  # reports have the speeds and neighbours
             at = sides[0], held.reports

@@ -17,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.evaluation.axis import TURN, shortest_differences
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
-from tgospa_eval.problem.solution import judged_rows
+from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, assigned
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import ComparedSides, Json, PairProof
@@ -241,7 +241,7 @@ class Axes:
             states = compared.truth[rows[0][row]], compared.estimate[report]
             if compared.held is not None:  # on a common clock a report counts at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
-                located = compared.held.located(names, report)
+                located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
             else:  # a report that holds for several steps does not move
                 time, who = timestamps[truth.step[row]], sides[1].track[to[own]]

@@ -193,8 +193,8 @@ class Trials:
             distance, truth = self.sides.distance, self.aligned.truth
             own = after.chosen(np.flatnonzero(np.isin(track, list(tracks))))
             pairs = near_pairs(
-                truth.seen_as(distance.kinds),
-                own.seen_as(distance.kinds),
+                truth.reduced_to(distance.kinds),
+                own.reduced_to(distance.kinds),
                 self.parameters.cutoff,
                 distance,
             )
@@ -284,7 +284,7 @@ def explain(
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
-    if sides.alignment.held is not None:
+    if sides.alignment.reports is not None:
         raise ConfigError(
             f"explain: repairs are not known for {option('resample')}, where a report holds for "
             "several steps; evaluate at the times of the estimate, "

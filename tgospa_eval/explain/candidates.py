@@ -23,7 +23,7 @@ from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
 from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.coverage import AWAY, NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import AWAY, NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories, chosen, stacked
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
@@ -225,7 +225,7 @@ def is_same(first: Trajectories, second: Trajectories) -> bool:
         around = [] if side.covariance is None else [side.covariance]
         if side.clouds is not None:
             around += [side.clouds.points, side.clouds.weights]
-        marks = marks_of(side, NOT_JUDGED), existence_of(side)
+        marks = marks_of(side, NOT_COUNTED), existence_of(side)
         return (side.times, side.step, side.ids[side.track], side.state, *marks, *around)
 
     one, other = arrays(first), arrays(second)

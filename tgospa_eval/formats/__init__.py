@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.registry import lazy
 from tgospa_eval.formats.registry import FORMATS as FORMATS
 
-if TYPE_CHECKING:  # with `as`, which makes a name public
+if TYPE_CHECKING:  # `as` makes a name public
     from tgospa_eval.formats.objects import read as read
     from tgospa_eval.formats.objects import read_trajectories as read_trajectories
     from tgospa_eval.formats.objects import runs_inside as runs_inside

@@ -66,7 +66,7 @@ NAPARI = (
 
 
 def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of an npy file, the same in either role; ids and times count from 0.
+    """Read the rows of an npy file, the same in either role; ids and times count from 0.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _array(path: str, data: bytes) -> Array:
-    """The array of an npy file, which has as many bytes as its header says."""
+    """Return the array of an npy file, which has as many bytes as its header says."""
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
@@ -93,7 +93,7 @@ def _array(path: str, data: bytes) -> Array:
         if version == (1, 0):
             read = np.lib.format.read_array_header_1_0
         shape, in_columns, kind = read(stream)
-    except Exception as error:  # a header is parsed as Python: damage ends in any fault
+    except Exception as error:  # damage may raise anything: a header is parsed as Python
         raise unreadable(path, "npy", error) from None
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
@@ -102,12 +102,12 @@ def _array(path: str, data: bytes) -> Array:
     try:
         values = np.frombuffer(data, kind, offset=stream.tell())
         return values.reshape(shape, order="F" if in_columns else "C")
-    except ValueError as error:  # a type of no bytes, or an axis of any size beside one of 0
+    except ValueError as error:  # the type has no bytes, or an axis of size 0 allows any other
         raise unreadable(path, "npy", error) from None
 
 
-def meant(name: str) -> tuple[str, str]:
-    """What a variable is, a key of `NAMES`, and its axes if the name has them; blank otherwise."""
+def kind_of(name: str) -> tuple[str, str]:
+    """Return the kind of a variable, a key of `NAMES`, and the axes in its name; blank if none."""
     base, _, axes = name.rpartition("_")
     for kind, names in NAMES.items():
         if name in names:
@@ -118,12 +118,12 @@ def meant(name: str) -> tuple[str, str]:
 
 
 def has_states(names: Mapping[str, Any]) -> bool:
-    """Whether there are states, or particles, among the variables of these names."""
-    return any(meant(name)[0] in ("x", "particles") for name in names)
+    """Return whether one of these names is that of states or particles."""
+    return any(kind_of(name)[0] in ("x", "particles") for name in names)
 
 
 def sized(name: str, shape: tuple[int, ...]) -> str:
-    """A variable and its size, for messages."""
+    """Return a variable and its size, for messages."""
     return f"{name} {' x '.join(map(str, shape))}".rstrip()
 
 
@@ -138,7 +138,7 @@ def array_rows(
     names: tuple[str, ...] | None = None,
     chosen: Sequence[int] | None = None,
 ) -> Rows:
-    """The rows of states or particles, with what is beside them.
+    """Return the rows of states or particles, with what is beside them.
 
     Parameters
     ----------
@@ -168,31 +168,31 @@ def array_rows(
 
     from tgospa_eval.formats.frames import frame_rows
 
-    found, unused = _sorted(path, arrays)
-    told = {kind: sized(name, array.shape) for kind, (name, array) in found.items()}
+    kinds, unused = _sorted(path, arrays)
+    labels = {kind: sized(name, array.shape) for kind, (name, array) in kinds.items()}
     lengths = {"T": "t", "n": "id", "d": "columns"}
-    known = {axis: found[kind][1].size for axis, kind in lengths.items() if kind in found}
-    tables = _oriented(path, {k: v for k, v in found.items() if k in axes}, known, axes)
+    known = {axis: kinds[kind][1].size for axis, kind in lengths.items() if kind in kinds}
+    tables = _oriented(path, {k: v for k, v in kinds.items() if k in axes}, known, axes)
     what = "particles" if "particles" in tables else "x"
     tables = _chosen(tables, chosen, path)
     *shape, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
-        raise InputError(f"{path}: {told[what]}: no coordinates")
+        raise InputError(f"{path}: {labels[what]}: no coordinates")
     first = int(axes is MATLAB)
-    if there is None:  # an axis beside one of size 0 may be of any size
+    if there is None:  # beside an axis of size 0 the others may be huge
         there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
-        about = " and ".join(told[kind] for kind in tables)
+        about = " and ".join(labels[kind] for kind in tables)
         width = size + (size * size + 2 if "P" in tables else 2)
-        count = max(len(step) * each, 1)  # without any there are the names of columns
+        count = max(len(step) * each, 1)  # an empty array still has column names
         check_memory(path, TABLE * 8 * count * width, file, options.max_input, about)
-    names = _columns(path, found, size, options, names)
+    names = _columns(path, kinds, size, options, names)
     table: dict[str, Any] = {}
     for kind, place in (("id", track), ("t", step)):
-        if kind in found:
-            values = found[kind][1].ravel()
+        if kind in kinds:
+            values = kinds[kind][1].ravel()
             values = (_whole(values) if first else values)[place]
         else:
             values = place + first
@@ -205,11 +205,11 @@ def array_rows(
         table |= spread_columns(names, tables["P"][at])
     warnings: tuple[Notice, ...] = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        options = replace(options, columns=names)  # states of other names all the same
-        if "columns" not in found and chosen is None:
+        options = replace(options, columns=names)  # the names are unknown, but these are the states
+        if "columns" not in kinds and chosen is None:
             warnings = (all_compared(names),)
     roles = find_roles(list(table), options, path)
-    unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
+    unused += [labels[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in labels]
     if unused:
         roles = replace(roles, passed=(*roles.passed, f"variables not used: {listed(unused)}"))
 
@@ -223,14 +223,14 @@ def array_rows(
 
 def _columns(
     path: str,
-    found: dict[str, tuple[str, Array]],
+    kinds: dict[str, tuple[str, Array]],
     size: int,
     options: ReadOptions,
     names: tuple[str, ...] | None,
 ) -> tuple[str, ...]:
-    """Names of the coordinates."""
-    if "columns" in found:
-        names = tuple(str(name).strip() for name in found["columns"][1].ravel())
+    """Return the names of the coordinates."""
+    if "columns" in kinds:
+        names = tuple(str(name).strip() for name in kinds["columns"][1].ravel())
     elif names is None or len(names) != size:
         names = BOX if options.boxes and size == len(BOX) else column_names(size)
     taken = {"id", "t", "weight"} & set(names)
@@ -242,7 +242,7 @@ def _columns(
 
 
 def _weights(points: Floats, given: Floats | None) -> Any:
-    """Weights of particles (R, N, d) in a row, equal ones of those that are there if none are."""
+    """Return the weights of particles (R, N, d) in a row; equal ones by default."""
     if given is None:
         there = ~np.isnan(points).any(axis=2)
         given = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
@@ -252,34 +252,34 @@ def _weights(points: Floats, given: Floats | None) -> Any:
 def _chosen(
     tables: dict[str, Floats], chosen: Sequence[int] | None, path: str
 ) -> dict[str, Floats]:
-    """Arrays with some of the coordinates."""
-    found = dict(tables)
+    """Select the chosen coordinates of the arrays."""
+    parts = dict(tables)
     for kind in tables.keys() - {"weights"} if chosen is not None else ():
         places = components(chosen, tables[kind].shape[-1], path)
-        found[kind] = tables[kind][..., places]
-        found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
-    return found
+        parts[kind] = tables[kind][..., places]
+        parts[kind] = parts[kind][..., places, :] if kind == "P" else parts[kind]
+    return parts
 
 
 def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
-    """Which components of states of a size are compared; all if none are chosen.
+    """Return the numbers of the components of states to compare; all if none are chosen.
 
     Raises
     ------
     ConfigError
         They are not there.
     """
-    found = list(range(size) if chosen is None else chosen)
-    if not found or len(set(found)) < len(found) or not set(found) <= set(range(size)):
+    numbers = list(range(size) if chosen is None else chosen)
+    if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(range(size)):
         raise ConfigError(
-            f"mapping is {tuple(found)}: must be different components of the states of {name}, "
+            f"mapping is {tuple(numbers)}: must be different components of the states of {name}, "
             f"from 0 to {size - 1}"
         )
-    return found
+    return numbers
 
 
 def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
-    """Matrices (R, d, d) as the columns of a table, as `formats.spread` reads them."""
+    """Return matrices (R, d, d) as the columns of a table, as `formats.spread` reads them."""
     return {
         f"cov_{one}_{other}": matrices[:, i, j]
         for i, one in enumerate(names)
@@ -288,7 +288,7 @@ def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
 
 
 def all_compared(names: tuple[str, ...]) -> Notice:
-    """A warning about states of which nobody said which are positions."""
+    """Return a warning that no columns were chosen and velocities may be compared as well."""
     return Notice(
         code="all-components",
         text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
@@ -298,71 +298,71 @@ def all_compared(names: tuple[str, ...]) -> Notice:
 
 
 def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]], list[str]]:
-    """Name and array of each kind of variable, and the others with their sizes."""
-    found: dict[str, tuple[str, Array]] = {}
-    others = []
+    """Sort the variables by kind, each with its name, and list those not used with their sizes."""
+    kinds: dict[str, tuple[str, Array]] = {}
+    unused = []
     for name, array in arrays.items():
-        kind, _ = meant(name)
-        if kind in found:
-            raise InputError(f"{path}: {found[kind][0]} and {name} are the same; leave one out")
+        kind, _ = kind_of(name)
+        if kind in kinds:
+            raise InputError(f"{path}: {kinds[kind][0]} and {name} are the same; leave one out")
         if kind:
-            found[kind] = name, array
+            kinds[kind] = name, array
         else:
-            others.append(name)
-    deep = [name for name in others if arrays[name].ndim == AXES]
+            unused.append(name)
+    deep = [name for name in unused if arrays[name].ndim == AXES]
     if not has_states(arrays):
         if len(deep) != 1:
             shapes = ", ".join(sized(name, array.shape) for name, array in arrays.items())
             raise InputError(f"{path}: {shapes}: which are the states? name them x, or particles")
-        found["x"] = deep[0], arrays[deep[0]]
-        others.remove(deep[0])
-    for kind, (name, array) in found.items():
+        kinds["x"] = deep[0], arrays[deep[0]]
+        unused.remove(deep[0])
+    for kind, (name, array) in kinds.items():
         if 8 * prod(max(size, 1) for size in array.shape) >= LARGEST_ARRAY:
             raise InputError(f"{path}: {sized(name, array.shape)}: no memory holds such axes")
         if kind in NUMPY and array.dtype.kind not in "iuf":
             raise InputError(f"{path}: {name} of type {array.dtype}; it must be of real numbers")
         if kind not in NUMPY and max(array.shape, default=1) != array.size:
             raise InputError(f"{path}: {sized(name, array.shape)}; it must be a vector")
-    return found, [sized(name, arrays[name].shape) for name in others]
+    return kinds, [sized(name, arrays[name].shape) for name in unused]
 
 
 def _oriented(
     path: str,
-    found: dict[str, tuple[str, Array]],
+    kinds: dict[str, tuple[str, Array]],
     known: dict[str, int],
     axes: Mapping[str, tuple[str, ...]],
 ) -> dict[str, Floats]:
-    """Arrays with the axes of `NUMPY`, by all sizes together.
+    """Orient the arrays as `NUMPY` has them, by the sizes of all together.
 
     Raises
     ------
     InputError
         No axes fit, or several do and make a difference.
     """
-    ways = {kind: meant(name)[1] for kind, (name, _) in found.items()}
+    ways = {kind: kind_of(name)[1] for kind, (name, _) in kinds.items()}
     allowed = {kind: (way,) if way else axes[kind] for kind, way in ways.items()}
     fits = []
     for chosen in product(*allowed.values()):
         sizes = dict(known)
         if all(
             _fits(array.shape, way, sizes, drop=axes is MATLAB and (way[-1] != "d" or "n" in known))
-            for (_, array), way in zip(found.values(), chosen, strict=True)
+            for (_, array), way in zip(kinds.values(), chosen, strict=True)
         ):
-            fits.append(dict(zip(found, chosen, strict=True)))
-    told = ", ".join(
-        [sized(name, array.shape) for name, array in found.values()]
+            fits.append(dict(zip(kinds, chosen, strict=True)))
+    shapes = ", ".join(
+        [sized(name, array.shape) for name, array in kinds.values()]
         + [f"{axis} = {size}" for axis, size in known.items()]
     )
     if not fits:
         rules = "; ".join(
-            f"{found[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
+            f"{kinds[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
         )
         raise InputError(
-            f"{path}: {told}: do not fit; {rules}, of T steps, n trajectories, d coordinates and N "
-            "particles; other axes stand in the name, x_dTn"
+            f"{path}: {shapes}: do not fit; {rules}, of T steps, n trajectories, d coordinates and "
+            "N particles; other axes stand in the name, x_dTn"
         )
     made = [
-        {kind: _turned(array, way[kind], kind) for kind, (_, array) in found.items()}
+        {kind: _turned(array, way[kind], kind) for kind, (_, array) in kinds.items()}
         for way in fits
     ]
     for other, way in zip(made[1:], fits[1:], strict=True):
@@ -371,14 +371,14 @@ def _oriented(
                 both, base = (fits[0][kind], way[kind]), NAMES[kind][0]
                 also = ", or save t and id with it" if kind != "P" and len(known) < 2 else ""
                 raise InputError(
-                    f"{path}: {told}: {found[kind][0]} may be {' or '.join(map(_spelt, both))}; "
+                    f"{path}: {shapes}: {kinds[kind][0]} may be {' or '.join(map(_spelt, both))}; "
                     f"name it {base}_{both[0]} or {base}_{both[1]}{also}"
                 )
     return made[0]
 
 
 def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
-    """Whether an array has these axes, whose sizes are noted; last ones of 1 may be missing."""
+    """Return whether an array has these axes; note their sizes. Last axes of 1 may be missing."""
     if drop:
         shape += (1,) * (len(way) - len(shape))
     return len(shape) == len(way) and all(
@@ -387,7 +387,7 @@ def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool
 
 
 def _turned(array: Array, way: str, kind: str) -> Floats:
-    """An array with the axes of `NUMPY`."""
+    """Transpose an array to the axes of `NUMPY`."""
     array = array.reshape(array.shape + (1,) * (len(way) - array.ndim))
     left, order = list(way), []
     for axis in NUMPY[kind][0]:
@@ -401,14 +401,14 @@ def _spelt(way: str) -> str:
 
 
 def _whole(times: Array) -> Array:
-    """Whole numbers as such, as all numbers of MATLAB are doubles."""
+    """Convert doubles that are whole numbers to integers: MATLAB has only doubles."""
     if times.dtype.kind == "f" and (np.abs(times) < 2**53).all() and (times % 1 == 0).all():
         return times.astype(np.int64)
     return times
 
 
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of an npz file, the same in either role.
+    """Read the rows of an npz file, the same in either role.
 
     Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
     with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or arrays
@@ -430,10 +430,10 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-    except Exception as error:  # damaged archives end in errors of many kinds
+    except Exception as error:  # damaged archives raise errors of many kinds
         raise unreadable(path, "npz", error) from None
     for name, array in arrays.items():
-        if not isinstance(array, np.ndarray):  # any zip file is opened
+        if not isinstance(array, np.ndarray):  # NumPy opens any zip file
             raise InputError(
                 f"{path}: no readable npz file: {quoted(name)} in it is no array; write it with "
                 "numpy.savez, and tables, such as those of a spreadsheet, as CSV"
@@ -463,8 +463,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _unpacked(data: bytes) -> int:
-    """Bytes of the arrays, by the directory of the archive; if there is none, reading it fails."""
-    import zipfile  # slow to import
+    """Return the size of the unpacked arrays by the directory of the archive; 0 without one."""
+    import zipfile  # lazy: slow to import
 
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

@@ -26,7 +26,7 @@ def arrow_rows(
     options: ReadOptions,
     where: Callable[[int], str] | None = None,
 ) -> Rows:
-    """The rows of a table of which only the columns in use are read.
+    """Read the columns in use of a table as rows.
 
     Parameters
     ----------
@@ -55,21 +55,21 @@ def arrow_rows(
     check_types(schema, roles, path)
     with readable(path, kind):
         table = read(subset).select(subset)
-        table.validate(full=True)  # pandas looks at texts later, or never
+        table.validate(full=True)  # pandas checks texts late or never
         check_dates(table, where or f"{path}, row {{}}".format)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     del table
-    # The same roles by position in the subset, where mapped headers without a use are missing.
+    # The subset lacks mapped headers that are not used, so positions differ.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
-    found = find_roles(subset, shared, path)
+    subset_roles = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}
-    return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
+    return frame_rows(frame, replace(subset_roles, **whole), path, options.decimal, where)
 
 
 @contextmanager
 def readable(path: str, kind: str) -> Iterator[None]:
-    """What Arrow and pandas raise of a damaged file as an error of the input."""
+    """Convert the errors of Arrow and pandas about a damaged file to `InputError`."""
     import pyarrow as pa
 
     try:
@@ -81,7 +81,7 @@ def readable(path: str, kind: str) -> Iterator[None]:
 
 
 def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
-    """Whether the columns in use have plain values.
+    """Check that the columns in use have plain values.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
 
 
 def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
-    """Whether Python has the dates; pandas makes them its own.
+    """Check that all dates lie in the years that Python knows.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
 
 
 def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
-    """The table with integers among which some are missing as texts: pandas makes them floats."""
+    """Convert integer columns with missing values to texts: pandas would make them floats."""
     import pyarrow as pa
 
     for name in names:
@@ -144,7 +144,7 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
 
 
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a Parquet file, the same in either role; only the columns in use are read.
+    """Read the rows of a Parquet file, the same in either role; only the columns in use are read.
 
     Raises
     ------
@@ -160,7 +160,7 @@ FIRST_VERSION = b"FEA1"
 
 
 def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a Feather file, the same in either role; only the columns in use are read.
+    """Read the rows of a Feather file, the same in either role; only the columns in use are read.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _file_rows(path: str, kind: str, data: bytes, options: ReadOptions) -> Rows:
     take: Callable[..., pa.Table]
     with readable(path, kind):
         if kind == "Parquet":
-            import pyarrow.parquet as pq  # here, as below: either is slow to import
+            import pyarrow.parquet as pq  # lazy, as below: slow to import
 
             file = pq.ParquetFile(pa.BufferReader(data))
             schema, rows, take = file.schema_arrow, file.metadata.num_rows, file.read
@@ -215,7 +215,7 @@ ARGOVERSE_HEADERS = {
 
 
 def read_argoverse(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
-    """The rows of a Feather file, states by default the centres (x, y), the same in either role.
+    """Read the rows of a Feather file; states are by default the centres (x, y).
 
     Raises
     ------

@@ -30,7 +30,7 @@ AIS_UNKNOWN = (91.0, 181.0)
 
 
 def rules_said() -> dict[str, str]:
-    """What is said of rows that do not take part, by the rule that leaves them out."""
+    """Return the message about rows that are left out, by the rule that leaves them out."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -42,17 +42,17 @@ def rules_said() -> dict[str, str]:
 
 
 def no_classes() -> str:
-    """Notice where classes are asked for and there are none."""
+    """Return the notice where classes are asked for and there are none."""
     return f"no column class: {option('class_')} leaves all its rows in"
 
 
 def centres_compared() -> str:
-    """Notice where boxes are compared as points."""
+    """Return the notice where boxes are compared as points."""
     return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
-    """Trajectories of the rows that take part, with counts of the others.
+    """Assemble the trajectories of the rows that take part, and count the others by reason.
 
     A row counts under the first rule that leaves it out. Steps of the file stay steps, even where
     nothing is left, but for those outside the range of time.
@@ -69,10 +69,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    moments, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
-    for rule, (apart, sentence) in rows.apart.items():
+    timestamps, step, labels = _grid(rows, options, choice)  # parts read these times alone
+    for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
-            choice.keep(~apart, rule, sentence)
+            choice.keep(~mask, rule, sentence)
     filled = (state == state).all(axis=1)  # NaN is not
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
@@ -105,7 +105,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         if drop is not None:
             taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
     choice.warnings += _about_ids(rows, taken, options)
-    # From the sorted keys: cheaper than gathering two columns from all over the table.
+    # The sorted keys are cheaper than gathering two columns from all over the table.
     step, track = np.divmod(ordered, max(len(track_ids), 1))
     used, track = _renumbered(track, len(track_ids))
     covariance = None
@@ -119,7 +119,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state=state.take(taken, axis=0) if clouds is None else clouds.means,
         clouds=clouds,
         ids=track_ids[used],
-        times=moments,
+        times=timestamps,
         columns=roles.names,
         clock=rows.times.clock,
         labels=labels,
@@ -146,7 +146,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
         missing=roles.missing,
-        headers=roles.called,
+        headers=roles.renamed,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
@@ -156,7 +156,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
-    """Rows whose ids have the class behind them, where several classes have an id at one step."""
+    """Return rows whose ids end in the class, if several classes share an id at one step."""
     assert rows.classes is not None
     (names, number), (classes, klass) = rows.ids, rows.classes
     taken = np.flatnonzero(mask)
@@ -173,11 +173,11 @@ NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
-    """Warnings about ids that are none, are those of rows, or are numbered anew in some column."""
+    """Yield warnings about ids that are all -1, that number rows, or that restart in a column."""
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
     for k in np.flatnonzero(np.isin(names, NO_TRACK) & (count > 0)) if len(names) > 1 else ():
-        # Of blocks of a side each would have another number.
+        # Each block of a side would have another count.
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
@@ -227,9 +227,9 @@ PLACED = ("left", "top", "width", "height")
 
 
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
-    """Whether consecutive rows of one step are much nearer than those of one id."""
+    """Return whether consecutive rows of one step are much nearer than those of one id."""
     taken = taken[:SAMPLED]
-    number, moments = rows.ids[1][taken], rows.times.value[taken]
+    number, timestamps = rows.ids[1][taken], rows.times.value[taken]
     places = rows.numbers[taken, :2]
 
     def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
@@ -238,7 +238,7 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
         lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
         return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
 
-    return spacing(number, moments) > EXCHANGED * spacing(moments, number) > 0
+    return spacing(number, timestamps) > EXCHANGED * spacing(timestamps, number) > 0
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
@@ -249,7 +249,7 @@ OFTEN_NONE = "many programs write it where a row belongs to no track"
 
 
 def without_id(name: str, rows: Rows, columns: str) -> str:
-    """What leaves out the rows of an id, for messages."""
+    """Return the remedy that leaves out the rows of an id, for messages."""
     header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
     where = ask(columns.replace("columns", "where") or "where", [f"{header} != {name}"])
     return f"{where} leaves such rows out"
@@ -260,7 +260,7 @@ UNKNOWN = (-1.0, 0.0)
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
-    """Headers of the states that are not known in any row, unless the user named them.
+    """Return the headers of the states that are not known in any row, unless the user named them.
 
     They are blank or the same in all rows: what programs write there, or the place of several
     objects.
@@ -270,7 +270,7 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
         return ()
     numbers = rows.numbers[:, [rows.roles.numbers.index(column) for column in columns]]
     first = numbers[0]
-    same = (numbers[-1] == first) | (first != first)  # quick: most are not
+    same = (numbers[-1] == first) | (first != first)  # quick, as most columns vary
     if not same.all() or not ((numbers == first) | (numbers != numbers)).all():
         return ()
     is_unknown = any((first == value).all() for value in UNKNOWN[: len(numbers)])
@@ -279,22 +279,22 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
 
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
-    """The boxes that the format itself has as regions."""
-    at = [np.flatnonzero(apart) for rule, (apart, _) in rows.apart.items() if rule in AS_REGIONS]
-    found = np.concatenate([np.zeros(0, np.int64), *at])
-    found = found[(state[found, 2:] > 0).all(axis=1)]
-    if not len(found):
+    """Return the boxes that the format marks as ignored regions."""
+    at = [np.flatnonzero(mask) for rule, (mask, _) in rows.excluded.items() if rule in AS_REGIONS]
+    boxes = np.concatenate([np.zeros(0, np.int64), *at])
+    boxes = boxes[(state[boxes, 2:] > 0).all(axis=1)]
+    if not len(boxes):
         return None
-    moments = rows.times.value[found].tolist()
+    timestamps = rows.times.value[boxes].tolist()
     shapes = (
         Shape(kind=BOX, rings=(state[k],), where=rows.where(k), moment=moment)
-        for k, moment in zip(found.tolist(), moments, strict=True)
+        for k, moment in zip(boxes.tolist(), timestamps, strict=True)
     )
     return Regions(shapes=tuple(shapes), clock=rows.times.clock, name=rows.name)
 
 
 def said_of(rule: str, count: int, which: str) -> str:
-    """What is said of so many rows that a rule leaves out; `which` is that of `on_duplicate`."""
+    """Return the message about the rows that a rule leaves out; `which` as of `on_duplicate`."""
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
         return f"{rows_repeat} an (id, t): the {which} one was taken"
@@ -302,21 +302,21 @@ def said_of(rule: str, count: int, which: str) -> str:
 
 
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
-    """What is said of classes that are asked for, by those that are there.
+    """Yield notices about requested classes that are missing, or are written otherwise.
 
     `whole`: names that differ in upper and lower case alone may be taken for one another.
     """
-    asked = {name.strip() for name in options.classes or ()}
-    for name in sorted(asked):
-        found = class_named(name, there) if whole else name
-        others = [other for other in there if is_alike(name, other) and other not in asked]
-        if found not in there:
+    requested = {name.strip() for name in options.classes or ()}
+    for name in sorted(requested):
+        match = class_named(name, there) if whole else name
+        variants = [other for other in there if is_alike(name, other) and other not in requested]
+        if match not in there:
             shown = ", ".join(map(quoted, there[:10])) or "none"
             yield f"no row of class {quoted(name)}; there are {shown}"
-        elif found != name:
-            yield f"class {quoted(found)} is taken for {quoted(name)}"
-        elif others:
-            yield f"class {quoted(name)} as it is written; {quoted(others[0])} is another"
+        elif match != name:
+            yield f"class {quoted(match)} is taken for {quoted(name)}"
+        elif variants:
+            yield f"class {quoted(name)} as it is written; {quoted(variants[0])} is another"
 
 
 class _Choice:
@@ -341,47 +341,47 @@ class _Choice:
             self.notices.append(said)
 
     def all(self) -> bool:
-        """Whether nothing was left out."""
+        """Return whether nothing was left out."""
         return not self.left_out
 
 
-def _fills_half_a_day(moments: TimeArray) -> bool:
-    """Whether times may be those of a day, from before to after midnight: few are."""
-    return float(moments[-1]) - float(moments[0]) > 43_200
+def _may_pass_midnight(times: TimeArray) -> bool:
+    """Return whether times span more than 12 h, if they are in seconds; few do."""
+    return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
 
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
-    """Distinct times in order, the number of each row's, and the times as they were read.
+    """Return the distinct times in order, the step of each row, and the times as they were read.
 
     Those within the range of time; rows outside it are left out.
     """
     times = rows.times
     if options.day_begins is not None:
-        from tgospa_eval.formats.clocks import carried  # lazy: few want it
+        from tgospa_eval.formats.clocks import carried  # lazy: seldom needed
 
         times = carried(times, options.day_begins, rows.name)
-    moments, step = _number_times(times.value)
-    if options.day_begins is None and rows.whole and len(moments) and _fills_half_a_day(moments):
+    timestamps, step = _number_times(times.value)
+    if options.day_begins is None and rows.whole and _may_pass_midnight(timestamps):
         from tgospa_eval.formats.clocks import over_midnight  # lazy: as above
 
-        anew = over_midnight(times, moments, rows.ids[1])
+        anew = over_midnight(times, timestamps, rows.ids[1])
         if anew is not None:
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time begins anew, as after midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
     labels = None
     if times.text is not None:
-        labels = np.empty(len(moments), dtype=object)
+        labels = np.empty(len(timestamps), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
-    moments, labels = options.conversion.times(moments, times.clock, labels, rows.name)
-    if options.moments is None:
-        return moments, step, labels
-    inside = options.moments.inside(moments, times.clock, rows.name)
+    timestamps, labels = options.conversion.times(timestamps, times.clock, labels, rows.name)
+    if options.time_range is None:
+        return timestamps, step, labels
+    inside = options.time_range.inside(timestamps, times.clock, rows.name)
     choice.keep(inside[step], "time")
     labels = None if labels is None else labels[inside]
-    return moments[inside], (np.cumsum(inside) - 1)[step], labels
+    return timestamps[inside], (np.cumsum(inside) - 1)[step], labels
 
 
 def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
@@ -392,16 +392,16 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
         choice.notices.append(no_classes())
         return
     there = rows.classes[0].tolist()
-    asked = [name.strip() for name in options.classes]
-    asked += options.also
-    taken = {class_named(name, there) for name in asked} if rows.whole else {*asked}
+    requested = [name.strip() for name in options.classes]
+    requested += options.also
+    taken = {class_named(name, there) for name in requested} if rows.whole else {*requested}
     known = np.array([name in taken for name in there], bool)
     choice.keep(known[rows.classes[1]], "class")
     choice.notices += class_notices(options, there, whole=rows.whole)
 
 
 def _values(rows: Rows, column: int) -> Values:
-    """A column as it is in the file: numbers, or texts, which ids and classes always are.
+    """Return a column as it is in the file: numbers, or texts, which ids and classes always are.
 
     Raises
     ------
@@ -419,7 +419,7 @@ def _values(rows: Rows, column: int) -> Values:
         times = rows.times
         return np.array(times.value if times.text is None else list(times.text))
     numbered = rows.ids if column == roles.id else rows.classes
-    assert numbered is not None  # a column is one of these or among the texts
+    assert numbered is not None  # a column is an id, a class or a text
     return cast(Values, numbered[0][numbered[1]])
 
 
@@ -470,7 +470,9 @@ def _check_states(
             )
             way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
-        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
+        place = rows.where(int(at[0])).removeprefix(
+            f"{rows.name}, "
+        )  # every notice begins with the name
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:
@@ -479,9 +481,9 @@ def _check_states(
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
-        least = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
+        bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
         first = extent[wrong][:1].sum()
-        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {least}")
+        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {bound}")
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -501,7 +503,7 @@ def _repeats(
     format: str,
     choice: _Choice,
 ) -> Ints | None:
-    """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are left out.
+    """Return the places in `taken`, sorted by key, of repeated (id, t) rows to leave out.
 
     Raises
     ------
@@ -515,7 +517,7 @@ def _repeats(
             raise InputError(only_detections(rows.name))
         return None
     if which == "error":
-        for name in ("id", "t"):  # which may be why
+        for name in ("id", "t"):  # a missing column may be the cause
             if name in rows.roles.missing:
                 raise InputError(rows.roles.missing[name])
         raise InputError(refusal(taken, again, key, rows, format, options.option))
@@ -535,7 +537,7 @@ def _repeats(
 
 
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
-    """Which of so many numbers occur, and theirs among those."""
+    """Return which of the numbers below `count` occur, and all of them renumbered without gaps."""
     occurs = np.bincount(number, minlength=count) > 0
     used = places_of(occurs)
     return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
@@ -544,7 +546,7 @@ def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
 def _classes(
     rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
 ) -> tuple[tuple[str, ...], Ints | None]:
-    """Names of the classes of some rows, and the number of each row's, if they are asked for."""
+    """Return the names of the classes, and the number of each row's, if they are requested."""
     if not options.by_class or rows.classes is None:
         return (), None
     names, number = rows.classes
@@ -560,14 +562,14 @@ def _classes(
 def _covariances(
     rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
-    """The covariances of some rows."""
+    """Return the covariances of some rows."""
     from tgospa_eval.formats.spread import covariances_of
 
     numbers = rows.roles.numbers
     covariance, notices = covariances_of(
         {column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
         taken,
-        lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
+        lambda row: f"{rows.where(row)} (id {rows.quoted_id(row)}, t {rows.moment(row)})",
         spread,
         missing=options.missing_covariance,
         fix=options.fix_covariance,
@@ -578,7 +580,7 @@ def _covariances(
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
-    """Rows, all or the chosen, in the order of their keys, and the sorted keys."""
+    """Return the rows, all or the chosen, in the order of their keys, and the sorted keys."""
     if chosen is not None:
         key = key[chosen]
     if (key[1:] > key[:-1]).all():  # as most programs write them
@@ -595,51 +597,51 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
 
 
 def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
-    """Distinct times in order, and the number of each row's."""
+    """Return the distinct times in order, and the number of each row's."""
     if (value[1:] >= value[:-1]).all():  # as most programs write them
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
         return value[begins], np.cumsum(begins) - 1
-    moments, step = np.unique(value, return_inverse=True)
-    return cast(TimeArray, moments), step
+    timestamps, step = np.unique(value, return_inverse=True)
+    return cast(TimeArray, timestamps), step
 
 
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
-    """What is asked for of some rows of a file, by name; of a cloud its first particle's."""
+    """Return the requested attributes of some rows by name; clouds have their first particle's."""
     roles = rows.roles
     columns: dict[int, Values] = dict(rows.attributes)
     columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
-    found: dict[str, Values] = {}
+    values: dict[str, Values] = {}
     for name, column in roles.attributes.items():
         if column in columns:
-            found[name] = columns[column][taken]
+            values[name] = columns[column][taken]
         elif column == roles.time:
             times = np.array([rows.moment(row) for row in taken.tolist()], dtype=object)
-            found[name] = times if rows.times.text is not None else times.astype(np.float64)
+            values[name] = times if rows.times.text is not None else times.astype(np.float64)
         else:
             numbered = rows.ids if column == roles.id else rows.classes
-            assert numbered is not None  # a column is one of these or among the texts
-            found[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
-    return found
+            assert numbered is not None  # a column is an id, a class or a text
+            values[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
+    return values
 
 
 PARTICLES_HINT = "particles of one object need a column weight"
 
-DETECTIONS_ALONE = "every id is -1: these are detections, and TGOSPA compares tracks"
+ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
 
 
 def only_detections(name: str) -> str:
-    """Message for a file whose only id is -1."""
-    return f"{name}: {DETECTIONS_ALONE}; give a single track another id"
+    """Return the message for a file whose only id is -1."""
+    return f"{name}: {ONLY_DETECTIONS}; give a single track another id"
 
 
 def refusal(
     taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, columns: str = "columns"
 ) -> str:
-    """Message for the repeated row that comes first in the file.
+    """Return the message for the repeated row that comes first in the file.
 
     Parameters
     ----------
@@ -660,7 +662,7 @@ def refusal(
     first = int(taken[np.searchsorted(key[taken], key[row])])
     where, roles = rows.where, rows.roles
     message = (
-        f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
+        f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} was given before, "
         f"{where(first)}{more(len(again))}; "
     )
     cause = _cause(taken, again, rows, columns)
@@ -687,11 +689,11 @@ def refusal(
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
-    """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
+    """Return why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):
-        return DETECTIONS_ALONE
+        return ONLY_DETECTIONS
     repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
     if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
         (name,) = repeated

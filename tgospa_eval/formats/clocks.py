@@ -36,7 +36,7 @@ LEAPS = (
 
 @dataclass(frozen=True, kw_only=True)
 class TimeForm:
-    """How the times of a side are written.
+    """Format, time zone and epoch of the times of a side.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class TimeForm:
     role: str = "truth"
 
     def __post_init__(self) -> None:
-        asked = f"{option(f'{self.role}_time_format')} {quoted(self.format)}"
+        shown = f"{option(f'{self.role}_time_format')} {quoted(self.format)}"
         if self.format and "%" not in self.format and self.format not in (*EPOCHS, GPS):
             raise ConfigError(
-                f"{asked}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
+                f"{shown}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
                 f"since 1970, or {GPS} for weeks and seconds"
             )
         if self.zone:
-            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # lazy: as pandas
+            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # lazy: slow to import
 
             try:
                 ZoneInfo(self.zone)
@@ -77,7 +77,7 @@ class TimeForm:
                 ) from None
 
     def read(self, column: Coded) -> Times | None:
-        """Times of a column by the format; None where there is none.
+        """Read the times of a column by the format; None without one.
 
         Raises
         ------
@@ -89,16 +89,16 @@ class TimeForm:
         if "%" in self.format:
             return self._formatted(column)
         parse = _gps if self.format == GPS else self._since_1970
-        found, wrong = [], None
+        nanoseconds, wrong = [], None
         for code, text in enumerate(column.distinct):
             try:
-                found.append(parse(text))
+                nanoseconds.append(parse(text))
             except (ValueError, InvalidOperation, OverflowError):
                 wrong = code if wrong is None else wrong
-                found.append(0)
+                nanoseconds.append(0)
         if wrong is not None:
             raise self._misfit(column, np.isin(column.code, wrong))
-        return _in_utc(column.code, np.array(found, np.int64))
+        return _in_utc(column.code, np.array(nanoseconds, np.int64))
 
     def _since_1970(self, text: str) -> int:
         exact = Decimal(text.strip()) * TIME_UNITS[self.format]
@@ -141,7 +141,7 @@ class TimeForm:
         )
 
     def zoned(self, times: Times) -> Times:
-        """Times without zone in UTC, if they are of a zone.
+        """Convert times without zone to UTC, if a zone is given.
 
         Raises
         ------
@@ -164,12 +164,12 @@ class TimeForm:
                 f"{text} is twice or never in {self.zone}, as clocks are changed"
                 f"{more(int(np.count_nonzero(missing[code])))}; write UTC, or times with a zone",
             )
-        found = known.dt.tz_convert("UTC").dt.tz_localize(None)
-        return _in_utc(code, found.to_numpy("datetime64[ns]").astype(np.int64))
+        utc = known.dt.tz_convert("UTC").dt.tz_localize(None)
+        return _in_utc(code, utc.to_numpy("datetime64[ns]").astype(np.int64))
 
 
 def _gps(text: str) -> int:
-    """Nanoseconds in UTC of a week and its seconds, with a blank between."""
+    """Convert a GPS week and its seconds, with a blank between, to nanoseconds in UTC."""
     week, seconds = text.split()
     exact = Decimal(week) * WEEK + Decimal(seconds)
     if not exact.is_finite() or not 0 <= exact < 2**33 or not 0 <= Decimal(seconds) <= WEEK:
@@ -183,13 +183,13 @@ def _in_utc(code: Ints, value: Ints) -> Times:
 
 
 def _in_words(code: Ints, value: Ints, clock: str) -> Times:
-    """Times with ISO texts, of distinct values and the one of each row."""
+    """Return times with their ISO texts, from distinct values and the code of each row."""
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
 
 def carried(times: Times, begins: float, name: str) -> Times:
-    """Times of day, those before `begins` as of the next day.
+    """Move times of day before `begins` to the next day.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ def carried(times: Times, begins: float, name: str) -> Times:
     return _in_words(code, distinct, times.clock)
 
 
-def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, str] | None:
-    """The first row that begins a day anew, and what to do; None where none seems to.
+def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
+    """Return the first row that begins a new day, and what to do; None where none seems to.
 
     Such a row is earlier than the one before of its track by more than half a day, in the order of
     the file, and no other is as much later.
@@ -233,12 +233,12 @@ def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, s
     ----------
     times : Times
         Of all rows.
-    moments : array
+    timestamps : array
         The distinct ones in order.
     track : (R,) int array
         Track of each row.
     """
-    ends = moments[0].item(), moments[-1].item()
+    ends = timestamps[0].item(), timestamps[-1].item()
     unit = 1 if times.clock == "number" else SECOND
     first = 0 if unit == 1 else NO_DATE
     day = _day_of(float(ends[1])) if unit == 1 else DAY * SECOND
@@ -251,21 +251,21 @@ def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, s
         return None
     if len(np.unique(track[back])) < len(back):
         return int(back.min()), "write the times with dates"
-    gap = int(np.argmax(np.diff(moments)))
-    low, high = ((float(moments[gap + k]) - first) / unit for k in (0, 1))
+    gap = int(np.argmax(np.diff(timestamps)))
+    low, high = ((float(timestamps[gap + k]) - first) / unit for k in (0, 1))
     noon = day / unit / 2
-    cut = noon if low < noon <= high else round((low + high) / 2)
-    way = f"{option('day_begins', plain(float(cut)))} makes times before that those of the next day"
-    return int(back.min()), way if low < cut <= high else "write the times with dates"
+    at = noon if low < noon <= high else round((low + high) / 2)
+    way = f"{option('day_begins', plain(float(at)))} makes times before that those of the next day"
+    return int(back.min()), way if low < at <= high else "write the times with dates"
 
 
 def _day_of(time: float) -> int:
-    """A day in the unit in which a number may be a time of day: s, ms, us or ns."""
+    """Return the length of a day in the likely unit of a time of day: s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
-    """A side whose numbers by their size count since 1970, with zoned times, and their unit.
+    """Read the numbers of a side as times since 1970, in the unit that their size suggests.
 
     The unit is blank if they do not.
     """

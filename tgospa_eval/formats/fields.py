@@ -25,7 +25,7 @@ MISSING = frozenset(
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
-    """The exact doubles of a whole column; ValueError unless every text is a number."""
+    """Parse a column to the exact doubles; ValueError unless every text is a number."""
     joined = "".join(texts)
     if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
         raise ValueError
@@ -37,7 +37,7 @@ def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
 
 
 def is_number(text: str, decimal: str = ".") -> bool:
-    """Whether a text is a number, with this mark if any."""
+    """Return whether a text is a number, with this mark if any."""
     if "_" in text or not text.isascii() or (decimal == "," and "." in text):  # as in `floats`
         return False
     try:
@@ -79,7 +79,7 @@ class Coded(Sequence[str]):
 
 
 def joined_texts(first: Coded, second: Coded) -> Coded:
-    """Two columns as one, with a blank between."""
+    """Join two columns, with a blank between."""
     width = max(len(second.distinct), 1)
     pair, code = np.unique(first.code.astype(np.int64) * width + second.code, return_inverse=True)
     texts = [
@@ -90,7 +90,7 @@ def joined_texts(first: Coded, second: Coded) -> Coded:
 
 
 def attribute_of(column: Coded, decimal: str = ".") -> Values:
-    """Numbers if every text that is not missing is one, NaN where it is; else the texts."""
+    """Convert a column to numbers, NaN where blank, if all are numbers; else keep the texts."""
     texts = [text.strip() for text in column.distinct]
     try:
         numbers = ["nan" if text in MISSING else text for text in texts]
@@ -131,17 +131,17 @@ class Times:
 
 
 class Form(Protocol):
-    """How times are written: see `formats.clocks.TimeForm`."""
+    """The interface of `formats.clocks.TimeForm`: how times are written."""
 
     @property
     def format(self) -> str:
         """Blank for numbers and ISO times."""
 
     def read(self, column: Coded) -> Times | None:
-        """Times of a column by a format; None if there is none."""
+        """Return the times of a column by a format; None if there is none."""
 
     def zoned(self, times: Times) -> Times:
-        """Times without zone in UTC, if they are of a zone."""
+        """Return times without zone in UTC, if they are of a zone."""
 
 
 class RowError(ValueError):
@@ -157,7 +157,7 @@ class TimeError(RowError):
 
 
 def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
-    """All texts of a column; they must be of one kind.
+    """Parse all times of a column; they must be of one kind.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
 
 
 def coded_times(column: Coded, decimal: str) -> Times:
-    """Times of a column, each distinct text parsed once.
+    """Parse the times of a column, each distinct text once.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     try:
         times = parse_times(column.distinct, to_floats)
     except TimeError:
-        return parse_times(list(column), to_floats)  # its error has the row, and their number
+        return parse_times(list(column), to_floats)  # its error names the row and counts the others
     text = None if times.text is None else column
     return Times(value=times.value[column.code], clock=times.clock, text=text)
 
@@ -223,7 +223,7 @@ def read_times(
     second: Coded | None = None,
     digits: int = 0,
 ) -> Times:
-    """Times of a column, or of two that are one stamp, by a form if there is one.
+    """Read the times of a column, or of two that are one stamp, by a form if there is one.
 
     `digits` are those of a second behind the point, if the second column has such by its header.
 
@@ -243,7 +243,7 @@ def read_times(
 
 
 def _of_fractions(column: Coded, digits: int) -> Times | None:
-    """Times of whole seconds, a blank, and their fraction in whole numbers; None of other texts.
+    """Parse times of whole seconds, a blank and a fraction as an integer; None for other texts.
 
     Seconds since 1970, by their size, are times in UTC.
 
@@ -277,7 +277,7 @@ def _of_fractions(column: Coded, digits: int) -> Times | None:
 
 
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
-    """The times of each series as places in the order of those of all, exact for all numbers.
+    """Return the rank of each time of each series among the times of all, exact for all numbers.
 
     Parameters
     ----------
@@ -294,16 +294,16 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
     keys: list[int | float] = [t for t in times if not isinstance(t, str)]
     if texts:
         if keys:
-            told = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
-            raise TimeError(0, f"mixed kinds of time: {told}; write all alike")
+            examples = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
+            raise TimeError(0, f"mixed kinds of time: {examples}; write all alike")
         keys = parse_times(texts, floats).value.tolist()
     rank = {key: k for k, key in enumerate(sorted(set(keys)))}
-    found = np.array([rank[key] for key in keys], np.int64)
-    return np.split(found, np.cumsum([len(own) for own in series])[:-1])
+    ranks = np.array([rank[key] for key in keys], np.int64)
+    return np.split(ranks, np.cumsum([len(own) for own in series])[:-1])
 
 
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
-    """ISO-8601 times, each distinct text parsed once."""
+    """Parse ISO-8601 times, each distinct text once."""
     known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
     for fault in ("none", "far"):
         wrong = [row for row, text in enumerate(texts) if known[text][1] == fault]
@@ -331,7 +331,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
 
 
 def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int, str]:
-    """Nanoseconds and kind of one text."""
+    """Parse one text to nanoseconds and its kind of clock."""
     try:
         to_floats([text])
     except ValueError:
@@ -361,18 +361,18 @@ DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(
 
 
 def _reading_of(text: str) -> str:
-    """What to do about a date of days and months: both readings, where both are possible."""
+    """Return the time formats that read an ambiguous date, as a remedy; blank if none does."""
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
         return (
             f"'{shown}' with {option('truth_time_format')} or {option('estimate_time_format')} "
             "reads times of day"
         )
-    found = DATE.fullmatch(text.strip())
-    if found is None:
+    date = DATE.fullmatch(text.strip())
+    if date is None:
         return ""
-    first, mark, second, year = int(found[1]), found[2], int(found[3]), found[4]
-    clock = f" %H:%M{':%S' if found[6] else ''}{'.%f' if found[7] else ''}" if found[5] else ""
+    first, mark, second, year = int(date[1]), date[2], int(date[3]), date[4]
+    clock = f" %H:%M{':%S' if date[6] else ''}{'.%f' if date[7] else ''}" if date[5] else ""
     ways = []
     for order, day, month in (("%d{0}%m{0}%Y", first, second), ("%m{0}%d{0}%Y", second, first)):
         if 1 <= month <= 12 and 1 <= day <= 31:
@@ -391,7 +391,7 @@ BLANK = "leave it blank where the object is absent"
 
 
 def remedy_for(text: str) -> str:
-    """What to do about a text that is no number."""
+    """Return a remedy for a text that is no number."""
     with_words = re.fullmatch(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*", text)
     if with_words and with_words[2] in "NSEWnsew":
         sign = "-" if with_words[2] in "SWsw" else ""

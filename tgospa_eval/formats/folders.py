@@ -21,7 +21,7 @@ YOLO_RULE = "lines are class, cx, cy, width, height, confidence where there is o
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of trajectories, each of them a file, whose name is the id.
+    """Read the table of trajectories, each of them a file, whose name is the id.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
 
 
 def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of CSV files without ids, each of one object, whose name is the id.
+    """Read the table of CSV files without ids, each of one object, whose name is the id.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
         check_text_memory(file, content, options.max_input)
         try:
             table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
-        except (ValueError, csv.Error) as error:  # as of pandas' parser
+        except (ValueError, csv.Error) as error:  # pandas' parser raises these
             raise InputError(f"{file}: no CSV table: {' '.join(str(error).split())}") from None
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
@@ -60,7 +60,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
 
 
 def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of boxes in parts of the image, whose files are the frames by number.
+    """Read the table of boxes in parts of the image, whose files are the frames by number.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _lines(path: str, data: bytes, options: ReadOptions) -> list[tuple[str, str, list[str]]]:
-    """Name of the file, place, and words of each line with content."""
+    """Return the name of the file, place, and words of each line with content."""
     is_folder = os.path.isdir(path)
     lines = []
     for file in files_of_folder(path) if is_folder else [path]:

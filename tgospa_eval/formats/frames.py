@@ -84,7 +84,7 @@ def from_frame(
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise
-        find_roles([*levels, *headers], options, name)  # whose error has what else is missing
+        find_roles([*levels, *headers], options, name)  # its error names all that is missing
         indexed = ", ".join(map(quoted, levels))
         raise InputError(
             f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
@@ -101,7 +101,7 @@ def frame_rows(
     decimal: str,
     where: Callable[[int], str] | None = None,
 ) -> Rows:
-    """The rows of a DataFrame; `name` begins the messages, `decimal` is the mark in texts.
+    """Convert a DataFrame to rows; `name` begins the messages, `decimal` is the mark in texts.
 
     `where` says where a row is, for messages; by default in what is called `name`.
 
@@ -131,7 +131,7 @@ def frame_rows(
         except InputError as error:
             if column != roles.weight:
                 raise
-            states[:, k], weight_fault = np.nan, str(error)  # it may be something else
+            states[:, k], weight_fault = np.nan, str(error)  # the column may be no weight
     with _placed(frame.iloc[:, roles.time], where):
         times = _formed_times(frame, roles, name, decimal)
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
@@ -152,12 +152,12 @@ def frame_rows(
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
         attributes={column: attribute(column) for column in roles.texts},
         weight_fault=weight_fault,
-        apart=without_ids(ids),
+        excluded=without_ids(ids),
     )
 
 
 def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
-    """The rows of a table, whose index says where each is if it has texts.
+    """Convert a table to rows; a text in its index says where each row is.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
 
 
 def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
-    """The table with a row for each object, whose columns are mapped by pattern.
+    """Reshape a table whose columns are mapped by pattern to one row per object.
 
     Its index says where each row is; the table is the same if no header fits.
     """
@@ -199,7 +199,7 @@ def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
 
 @contextmanager
 def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
-    """What is wrong with a row, and a timestamp that pandas cannot write out, with their place."""
+    """Add the row and column to errors about a value or a timestamp out of range."""
     try:
         yield
     except RowError as error:
@@ -220,7 +220,7 @@ def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
 
 
 def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
-    """Finite numbers, NaN where there is none; texts by the rule of files of text."""
+    """Convert a column to finite numbers, NaN where blank; texts by the rules of text files."""
     kind = column.dtype.kind
     if kind not in "iufO":
         raise InputError(
@@ -241,7 +241,7 @@ def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
 
 
 def _number_text(decimal: str, value: object) -> str:
-    """A number, a text or a date as a file of text would have it."""
+    """Format a number, a text or a date as a text file would have it."""
     if isinstance(value, datetime.date):
         return value.isoformat()
     if isinstance(value, (str, bool, int, np.integer)):
@@ -250,33 +250,33 @@ def _number_text(decimal: str, value: object) -> str:
 
 
 def _other(value: object, wanted: str) -> str:
-    """Message about a value of another type."""
+    """Return the message about a value of another type."""
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
 def _texts(
     column: pd.Series, wanted: str, types: tuple[type, ...], text: Callable[[object], str]
 ) -> Coded:
-    """The values of a column, which are of these types, as texts; blank where one is missing."""
-    # Factorizing objects wants what can be hashed, and takes 1 for True.
+    """Convert a column of values of these types to texts, blank where one is missing."""
+    # Factorizing objects needs hashable values, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
-        code, found = np.arange(len(column)), column.tolist()
+        code, values = np.arange(len(column)), column.tolist()
     else:
         code, uniques = pd.factorize(column)
-        found = uniques.tolist()
-    missing = pd.isna(pd.Series(found, dtype=object)).tolist()
+        values = uniques.tolist()
+    missing = pd.isna(pd.Series(values, dtype=object)).tolist()
     names = []
-    for k, value in enumerate(found):
+    for k, value in enumerate(values):
         if not (missing[k] or isinstance(value, types)):
             raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
         names.append("" if missing[k] else text(value))
-    if (code < 0).any():  # missing; no table has a text that no row has
+    if (code < 0).any():  # code -1 is missing; the blank text is added only if a row has it
         return Coded([*names, ""], np.where(code < 0, len(names), code))
     return Coded(names, code)
 
 
 def _name(value: object) -> str:
-    """Text of an id or a class; 7 where a column of integers was made one of floats."""
+    """Return the text of an id or a class: 7 also where pandas made integers floats."""
     if isinstance(value, Decimal):  # of up to 76 digits: the remainder would not fit the context
         whole = value.is_finite() and value == value.to_integral_value()
     else:
@@ -285,7 +285,7 @@ def _name(value: object) -> str:
 
 
 def id_text(value: object, name: str) -> str:
-    """The text of an id by itself; `name` begins the messages.
+    """Return the text of an id by itself; `name` begins the messages.
 
     Raises
     ------
@@ -301,7 +301,7 @@ def id_text(value: object, name: str) -> str:
 
 
 def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
-    """The times of a table, of one column or two, as they are written."""
+    """Return the times of a table, of one column or two, as they are written."""
     column = frame.iloc[:, roles.time]
     if roles.second is None and (roles.options.form is None or not roles.options.form.format):
         times = _times(column, name, decimal)
@@ -311,7 +311,7 @@ def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) ->
 
 
 def _as_texts(column: pd.Series, decimal: str) -> Coded:
-    """A column of numbers, dates or texts as texts."""
+    """Convert a column of numbers, dates or texts to texts."""
     if column.dtype.kind == "O":
         return _texts(column, "a time", TIME_TYPES, partial(_number_text, decimal))
     code, distinct = pd.factorize(column)
@@ -321,7 +321,7 @@ def _as_texts(column: pd.Series, decimal: str) -> Coded:
 def frame_times(
     column: pd.Series, name: str, decimal: str = ".", where: Callable[[int], str] | None = None
 ) -> Times:
-    """The times of a column by itself; `name` and `where` as of `frame_rows`.
+    """Read a column of times; `name` and `where` as of `frame_rows`.
 
     Raises
     ------
@@ -333,7 +333,7 @@ def frame_times(
 
 
 def _times(column: pd.Series, name: str, decimal: str) -> Times:
-    """Numbers, timestamps or texts."""
+    """Read a column of numbers, timestamps or texts as times."""
     missing = np.flatnonzero(column.isna())
     if len(missing):
         raise TimeError(
@@ -364,7 +364,7 @@ LEVELS = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of a CSV file whose columns are named by pattern.
+    """Read the table of a CSV file whose columns are named by pattern.
 
     Raises
     ------
@@ -379,7 +379,7 @@ def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 def read_deeplabcut(
     path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
 ) -> pd.DataFrame:
-    """The table of a CSV file of DeepLabCut, whose columns are called ``mouse.nose.x``.
+    """Read the table of a CSV file of DeepLabCut, whose columns are called ``mouse.nose.x``.
 
     Raises
     ------
@@ -414,7 +414,7 @@ def _text(path: str, data: bytes, options: ReadOptions) -> str:
 
 
 def _table(path: str, rows: Iterable[list[str]], first: int, names: Sequence[str]) -> pd.DataFrame:
-    """The rows from a line on, with their lines as the index."""
+    """Return the rows from a line on, with their lines as the index."""
     kept, places = [], []
     for line, row in enumerate(rows, start=first):
         if len(row) == len(names):

@@ -12,7 +12,7 @@ from tgospa_eval.formats import FORMATS
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
 
-ENDINGS = {
+FORMAT_OF_SUFFIX = {
     ".csv": "csv",
     ".tsv": "csv",
     ".parquet": "parquet",
@@ -64,25 +64,25 @@ VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
 
 
 def file_of(path: str) -> str:
-    """The file itself of ``FILE.mat:X`` and ``FILE.mat:Y{3}``; any other path is one."""
+    """Return the file of a path ``FILE.mat:X`` or ``FILE.mat:Y{3}``; any other path is a file."""
     named = VARIABLE.fullmatch(path) if ":" in path else None
     return named[1] if named and not os.path.lexists(path) else path
 
 
 def is_table_folder(path: str) -> bool:
-    """Whether a path is a folder with the tables of nuScenes."""
+    """Return whether a path is a folder with the tables of nuScenes."""
     return os.path.isfile(os.path.join(path, SAMPLES))
 
 
 def files_at(path: str) -> list[str]:
-    """The files that are read of a path: those in a folder that is one side, or itself."""
+    """Return the files of a path: those in a folder that is one side, or the file itself."""
     if not is_table_folder(path):
         return files_of_folder(path) if folder_format(path) else [path]
     return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
 
 
 def guess(path: str, data: bytes) -> str:
-    """A key of `formats.FORMATS`; what looks like nothing else is a CSV table.
+    """Guess the format, a key of `formats.FORMATS`; what looks like nothing else is a CSV table.
 
     The name of a format of another package is that of its files: run.trk is read as trk.
     A MOTChallenge line has 6 to 10 numbers, and no header; VisDrone has 10 as well, of which the
@@ -91,7 +91,7 @@ def guess(path: str, data: bytes) -> str:
     """
     suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     ending = suffix[0] if suffix else ""
-    if ending not in ENDINGS and ending[1:] in FORMATS.outside:
+    if ending not in FORMAT_OF_SUFFIX and ending[1:] in FORMATS.outside:
         return ending[1:]
     for magic, format in MAGIC.items():
         if data.startswith(magic):
@@ -99,22 +99,22 @@ def guess(path: str, data: bytes) -> str:
             if format == "npz" and b"[Content_Types].xml" in data[:SCHEMA_BYTES]:
                 return "xlsx"
             return "argoverse" if format == "feather" and named else format
-    if ENDINGS.get(ending, "csv") != "csv":
-        return ENDINGS[ending]
+    if FORMAT_OF_SUFFIX.get(ending, "csv") != "csv":
+        return FORMAT_OF_SUFFIX[ending]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"
     known = next((name for name, begin in BEGINNINGS.items() if re.match(begin, head)), "")
-    if known or ending in ENDINGS:
-        return known or ENDINGS[ending]
+    if known or ending in FORMAT_OF_SUFFIX:
+        return known or FORMAT_OF_SUFFIX[ending]
     return _guess_text(head, is_whole=len(data) <= GUESSED_FROM)
 
 
 def _guess_text(head: str, *, is_whole: bool) -> str:
-    """The format of a table by its first lines."""
+    """Guess the format of a table by its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
-    # A file of comments so far is a table, or none.
+    # A file with only comments so far is a table, or empty.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
@@ -122,7 +122,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
         if line.strip() and all(map(fits, filter(str.strip, lines[:LINES_TRIED]))):
             return name
     if any(len(split(comment.lstrip(" \t#%/"))) == len(fields) for comment in comments):
-        return "csv"  # whose header is a comment
+        return "csv"  # its header is a comment
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         whole = lines if is_whole else lines[:-1] or lines
         whole = [line for line in whole if line.strip()]
@@ -136,18 +136,18 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 
 
 def folder_format(path: str) -> str:
-    """How a folder is read as one side; blank if it is not.
+    """Return the format of a folder that is read as one side; blank if it is none.
 
     TUM has a trajectory a file, in eight numbers a line, and CSV files without ids have one as
     well; YOLO has the boxes of a frame.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
-    kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in ENDINGS}
+    kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in FORMAT_OF_SUFFIX}
     if kinds:
         tables = [file for file in files_of_folder(path) if file.endswith(TABLES)]
-        alone = len(tables) == len(os.listdir(path))
-        return PER_OBJECT if alone and all(map(_is_of_one_object, tables[:FILES_TRIED])) else ""
+        tabular = len(tables) == len(os.listdir(path))
+        return PER_OBJECT if tabular and all(map(_is_of_one_object, tables[:FILES_TRIED])) else ""
     for file in files_of_folder(path)[:FILES_TRIED]:
         lines = filter(str.strip, _beginning(file).splitlines()[:LINES_TRIED])
         rows = [line for line in lines if not _is_comment(line)]
@@ -164,7 +164,7 @@ FILES_TRIED, LINES_TRIED = 100, 20
 
 
 def files_of_folder(path: str) -> list[str]:
-    """Files of text in a folder, in the natural order of their names."""
+    """Return the files of text in a folder, in the natural order of their names."""
     try:
         names = os.listdir(path)
     except OSError:
@@ -180,19 +180,19 @@ TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.
 
 
 def _is_of_one_object(path: str) -> bool:
-    """Whether a table has a header with times and places, and nothing that may be ids."""
+    """Return whether a table has a header with times and places, and nothing that may be ids."""
     from tgospa_eval.formats.headers import HINTS, Headers  # lazy: for folders only
 
     lines = (line for line in _beginning(path).splitlines() if line.strip())
     fields = re.split(r"[,;\t]", next(lines, ""))
     headers = Headers([field.strip(' "') for field in fields], {}, "", path)
     places = all(headers.places(name) for name in "xy") or all(map(headers.places, ("lat", "lon")))
-    others = any(re.search(HINTS["id"], name, re.IGNORECASE) for name in headers.names)
-    return places and bool(headers.places("t")) and not others
+    has_ids = any(re.search(HINTS["id"], name, re.IGNORECASE) for name in headers.names)
+    return places and bool(headers.places("t")) and not has_ids
 
 
 def _beginning(path: str) -> str:
-    if not os.path.isfile(path):  # a named pipe would be waited for
+    if not os.path.isfile(path):  # reading a named pipe would block
         return ""
     try:
         with open(path, "rb") as file:
@@ -202,7 +202,7 @@ def _beginning(path: str) -> str:
 
 
 def is_tum(line: str) -> bool:
-    """Whether a line is a stamp, a place and a quaternion, whose length is 1."""
+    """Return whether a line is a time, a place and a quaternion of length 1."""
     words = line.split()
     if len(words) != 8 or not all(map(is_number, words)):
         return False
@@ -210,7 +210,7 @@ def is_tum(line: str) -> bool:
 
 
 def is_yolo(line: str) -> bool:
-    """Whether a line is a class and a box in parts of an image, with confidence or id or both."""
+    """Return whether a line is a class and a box in parts of an image, then score, id or both."""
     words = line.split()
     if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
         return False
@@ -219,7 +219,7 @@ def is_yolo(line: str) -> bool:
 
 
 def split(line: str) -> list[str]:
-    """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
+    """Split a line of MOTChallenge text at commas, also a last one, else at blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
 
@@ -229,7 +229,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:
-    """Whether ten columns end in class, truncation and occlusion, not in a place in space."""
+    """Return whether ten columns end in class, truncation and occlusion, not in a position."""
     return all(
         len(fields) == 10
         and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
@@ -238,21 +238,21 @@ def _is_visdrone(lines: Iterable[str]) -> bool:
     )
 
 
-LEAST_BOX = 2.0
+MIN_BOX = 2.0
 """Pixels of the sides of a box; of less are speeds and sizes in metres."""
 
 
 def _is_motchallenge(lines: Iterable[str]) -> bool:
-    """Whether lines may be of boxes in an image, with whole frames and ids, flags and classes.
+    """Return whether lines have integer frames and ids, a box in pixels, flags and classes.
 
     What is wrong with single lines is found by the reader: most of the lines count.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
     if any(len(row) < MOT_SHORTEST for row in rows):
-        return True  # whose reader says what is wrong
+        return True  # its reader says what is wrong
     whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows)
-    sized = sum(min(map(abs, row[4:6])) >= LEAST_BOX or row[4:6] == [-1, -1] for row in rows)
+    sized = sum(min(map(abs, row[4:6])) >= MIN_BOX or row[4:6] == [-1, -1] for row in rows)
     flagged = sum(
         len(row) not in (8, 9)
         or (row[6] <= 1 and row[7] == int(row[7]) and all(-1 <= one <= 1 for one in row[8:]))
@@ -268,7 +268,7 @@ COMMENTS = ("#", "%", "//")
 
 
 def foreign(line: str) -> str:
-    """What the first line is that is no header of a table, and what to do; blank if unknown.
+    """Return what the first line is, where it is no header, with a remedy; blank if unknown.
 
     A table whose header is understood may begin with any of these.
     """

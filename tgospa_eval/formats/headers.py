@@ -23,7 +23,7 @@ PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Columns of each object that has all, by what they are; none if no header fits a pattern."""
+    """Return the columns of each complete object by role; none if no header fits a pattern."""
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -36,14 +36,14 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 
 
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """Columns of no object, but for those whose names are of the columns of objects."""
+    """Return the headers that belong to no object and have no name of an object's column."""
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
     return [k for k, name in enumerate(names) if k not in used and name not in taken]
 
 
 def pattern_in(names: Sequence[str]) -> list[str]:
-    """Items of columns by pattern, if these headers may be pairs of several objects; or none."""
+    """Suggest columns by pattern, if these headers may be x and y of several objects; or none."""
     for one, two in PAIRED_NAMES:
         first = [name for name in names if one in name and name.replace(one, two) in names]
         before = _common(first)
@@ -56,11 +56,11 @@ def pattern_in(names: Sequence[str]) -> list[str]:
 
 
 def _common(texts: Sequence[str]) -> str:
-    """What all texts begin with."""
-    least, most = min(texts, default=""), max(texts, default="")
-    pairs = enumerate(zip(least, most, strict=False))
-    end = next((k for k, (a, b) in pairs if a != b), min(len(least), len(most)))
-    return least[:end]
+    """Return the common prefix of texts."""
+    first, last = min(texts, default=""), max(texts, default="")
+    pairs = enumerate(zip(first, last, strict=False))
+    end = next((k for k, (a, b) in pairs if a != b), min(len(first), len(last)))
+    return first[:end]
 
 
 WEIGHT = "weight"
@@ -88,7 +88,7 @@ SKIPPED = ("-", "_")
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """The columns of each file, and the names among them whose headers it may lack.
+    """Return the columns of each file, and the names among them whose headers it may lack.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ def columns_of_each(
         `alike`.
     """
     maps, wanted = parse_columns(shared)
-    found = [parse_columns(items) for items in own]
-    # Of a table without a header, and of coordinates of another kind, they are its own.
+    parsed = [parse_columns(items) for items in own]
+    # A table without a header, or with coordinates of another kind, has its own columns.
     placed = [not alike or "t" in (items or ()) for items in own]
-    each = zip(found, placed, strict=True)
-    named = wanted or next((states for (_, states), alone in each if states and not alone), ())
+    each = zip(parsed, placed, strict=True)
+    named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
     answer = []
-    for mapped, states in found:
+    for mapped, states in parsed:
         chosen = named if named and set(states) <= set(named) else states
         headers = maps | mapped
         # Names of states in order, the others in front.
@@ -116,13 +116,13 @@ def columns_of_each(
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Header of each mapped name, and the names of the state columns, in order.
+    """Parse the header of each mapped name, and the names of the state columns, in order.
 
     Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
     named without ``=`` they are.
     """
     mapped: dict[str, str] = {}
-    wanted: dict[str, None] = {}  # in order, and quick to look in
+    wanted: dict[str, None] = {}  # an ordered set
     for item in columns or ():
         name, equals, header = (part.strip() for part in item.partition("="))
         if name in SKIPPED and not equals:
@@ -142,12 +142,12 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
 
 
 def has_patterns(options: ReadOptions) -> bool:
-    """Whether columns are named by pattern, for each object its own."""
+    """Return whether columns are named by pattern, for each object its own."""
     return any(ID_MARK in item for item in options.columns or ())
 
 
 def ask(name: str, items: Sequence[str]) -> str:
-    """What to type or write so that these items are columns: ready to be pasted.
+    """Return the option or argument that makes these items columns: ready to be pasted.
 
     `name` is that of the option, or nothing for a DataFrame.
     """
@@ -291,7 +291,9 @@ class Headers:
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
-            if header == first and first not in self.exact:  # which begins like a comment
+            if (
+                header == first and first not in self.exact
+            ):  # a first header may begin like a comment
                 mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}
@@ -302,14 +304,14 @@ class Headers:
                 self.keyed.setdefault(key, []).append((k, unit))
 
     def spelt(self, header: str, name: str) -> int | None:
-        """Position of a header, upper and lower case aside; `name` is the column it is for."""
+        """Return the position of a header in any case; `name` is the column that it is for."""
         if header in self.exact:
             return self.exact[header]
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
     def find(self, name: str, *, plainly: bool = False) -> int | None:
-        """Position of a column: as mapped, by its name, else, if not `plainly`, by an alias.
+        """Find the position of a column: as mapped, by its name or, if not `plainly`, by an alias.
 
         Raises
         ------
@@ -320,13 +322,13 @@ class Headers:
             return self.spelt(self.mapped[name], name)
         taken = self.taken
         for alias in (name,) if plainly else FIRST_ALIASES.get(name, (name,)):
-            found = self.spelt(alias, name)
-            if found is not None and found not in taken:
-                return found
+            position = self.spelt(alias, name)
+            if position is not None and position not in taken:
+                return position
         return None if plainly else self._only(self.places(name), name)
 
-    def compared(self, name: str, asked_by: str) -> int:
-        """Position of a column that a filter compares, also one that is something else as well.
+    def compared(self, name: str, keyword: str) -> int:
+        """Return the position of a column that a filter compares; it may have another role as well.
 
         Raises
         ------
@@ -336,16 +338,16 @@ class Headers:
         column = None if name in self.mapped else self.spelt(name, name)
         column = self.find(name) if column is None else column
         if column is None:
-            way = f"; {self.way_of_one_side}" if asked_by == option("where") else ""
+            way = f"; {self.way_of_one_side}" if keyword == option("where") else ""
             raise InputError(
-                f"{self.where}: no column {quoted(name)} for {asked_by} (found: {self.shown}); "
+                f"{self.where}: no column {quoted(name)} for {keyword} (found: {self.shown}); "
                 f"name one of these{way}"
             )
         return column
 
     @property
     def way_of_one_side(self) -> str:
-        """What to do about a column that one file alone has, for messages."""
+        """Remedy for a column that only one file has, for messages."""
         first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
         ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
         return f"{ways} is for a column of one file, 'score >= 0.5'"
@@ -357,23 +359,23 @@ class Headers:
         return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
-        """A notice if unused headers may be a column as well as the one taken by an alias."""
+        """Yield a notice if unused headers may be a column as well as the one taken by an alias."""
         if name in self.mapped or self.spelt(name, name) is not None:
             return
-        found = self.find(name)
-        others = [self.names[k] for k in self.places(name) if k != found]
-        others = [header for header in others if header in unused]
+        position = self.find(name)
+        candidates = [self.names[k] for k in self.places(name) if k != position]
+        candidates = [header for header in candidates if header in unused]
         stamp = two_parts_of_a_stamp(unused) if name == "t" else None
         if stamp is not None:
-            others = ["+".join(stamp)]
-        if found is not None and others:
-            passed = " or ".join(map(quoted, others))
-            remedy = ask(self.option, [f"{name}={others[0]}"])
-            taken = quoted(self.names[found])
+            candidates = ["+".join(stamp)]
+        if position is not None and candidates:
+            passed = " or ".join(map(quoted, candidates))
+            remedy = ask(self.option, [f"{name}={candidates[0]}"])
+            taken = quoted(self.names[position])
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
-        """Positions of all headers that may be a column, the most usual first."""
+        """Return the positions of all headers that may be a column, the most usual first."""
         units = UNITS.get(name, ())
         places = (
             k
@@ -398,7 +400,7 @@ class Headers:
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Headers that may be meant by columns that were not found, by what they have in them.
+        """Guess the headers of missing columns by the words in them.
 
         `wanted` are their names, ``position`` is any two of the state; headers that are `used` are
         something else.
@@ -409,25 +411,25 @@ class Headers:
             if k not in used and name.isprintable() and "," not in name
         ]
         free = [name for name in free if not re.search(NO_HINT, name, re.IGNORECASE)]
-        found: dict[str, str] = {}
+        guesses: dict[str, str] = {}
         for name, hint in HINTS.items():
-            meant = [header for header in free if re.search(hint, header, re.IGNORECASE)]
-            meant.sort(key=lambda header: GROUP.fullmatch(header) is not None)
-            if name in wanted and meant:
-                found[name] = meant[0]
+            candidates = [header for header in free if re.search(hint, header, re.IGNORECASE)]
+            candidates.sort(key=lambda header: GROUP.fullmatch(header) is not None)
+            if name in wanted and candidates:
+                guesses[name] = candidates[0]
         pairs = (
             {"x": header, "y": header.replace(one, two)}
             for one, two in AXIS_PAIRS
             for header in free
             if one in header and header.replace(one, two) in free
         )
-        return found | next(pairs, {}) if "position" in wanted else found
+        return guesses | next(pairs, {}) if "position" in wanted else guesses
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Two of these headers that are one stamp, as secs and nsecs."""
+    """Return the two headers of seconds and fractions that are one time, such as secs and nsecs."""
     words = {name: words_of(name) for name in names}
-    whole = {tuple(found[:-1]): name for name, found in words.items() if found[-1] in SECONDS}
+    whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
         first = whole.get(tuple(stem))
         if unit in FRACTIONS and first is not None:
@@ -436,7 +438,7 @@ def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def words_of(header: str) -> list[str]:
-    """Words of a header, without case."""
+    """Split a header into its words, in lower case."""
     return re.findall(r"[^\W_]+", header.casefold()) or [""]
 
 
@@ -446,19 +448,19 @@ IN_BRACKETS = re.compile(r"(.+?)[(\[<{]([^()\[\]<>{}]+).")
 
 
 def _joined(header: str) -> str:
-    """Without case, blanks and punctuation."""
+    """Return a header as one word without case, blanks and punctuation."""
     return "".join(re.findall(r"[^\W_]+", header)).casefold()
 
 
 @cache
 def _aliases(name: str) -> tuple[str, ...]:
-    """The aliases of a column, each as one word, the most usual first."""
+    """Return the aliases of a column, each as one word, the most usual first."""
     return tuple(dict.fromkeys(map(_joined, HEADER_ALIASES.get(name, ()))))
 
 
 def _keys(header: str) -> Iterator[tuple[str, str]]:
-    """The header as one word, and without its last word, which may be a unit: that word too."""
-    header = header.removeprefix("field.")  # of rostopic echo -p
+    """Yield the header as one word; if its last word may be a unit, also the rest and that unit."""
+    header = header.removeprefix("field.")  # rostopic echo -p writes it
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
     if header.endswith(CLOSING) and (within := IN_BRACKETS.fullmatch(header)):
@@ -507,16 +509,16 @@ def absent(
     needed: tuple[int | None, int | None],
     states: dict[str, Mix | None],
 ) -> str:
-    """The message about columns that are missing, with what to type."""
-    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    """Return the message about columns that are missing, with what to type."""
+    missing = [name for name, place in zip(("id", "t"), needed, strict=True) if place is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
-    found = headers.guess(missing, used)
-    if "position" in missing and "x" not in found:
-        found |= {"x": "HEADER", "y": "HEADER"}
-    named = {name: found.get(name, "HEADER") for name in missing if name != "position"} | found
+    guesses = headers.guess(missing, used)
+    if "position" in missing and "x" not in guesses:
+        guesses |= {"x": "HEADER", "y": "HEADER"}
+    named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
     # What the user has mapped stays so, and so does the choice of states.
     named |= headers.mapped
     if "id" in missing:

@@ -33,7 +33,7 @@ million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
 
 def more_memory() -> str:
-    """The end of messages about files for which there is no room."""
+    """Return the last part of messages about files that need too much memory."""
     return f"; if it is meant, allow more with {option('max_input', metavar='GB')}, or any with 0"
 
 
@@ -42,7 +42,7 @@ MODEST = 1e8
 
 
 def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
-    """Whether there is room for what a file unpacks to.
+    """Check that there is memory for what a file unpacks to.
 
     Parameters
     ----------
@@ -74,33 +74,33 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
             limits.append((free / GIGABYTE, "available"))
         if size > UNPACKED * file:
             limits.append((DEFAULT_GIGABYTES, "allowed"))
-    most, kind = min(limits, default=(math.inf, ""))
-    if size > most * GIGABYTE:
+    allowed, kind = min(limits, default=(math.inf, ""))
+    if size > allowed * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
-            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB"
+            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {allowed:.2g} GB"
             f"{more_memory()}"
         )
 
 
 def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
-    """As `check_memory`, for the fields of a text."""
+    """Check the memory for the fields of a text, as `check_memory` does."""
     size = len(data)
     check_memory(path, TEXT * size, size, limit, f"{size:,} bytes of text")
 
 
-def most_bytes(limit: float | None, path: str) -> int:
-    """Bytes that a file itself may have; what is available matters to the largest alone."""
+def max_bytes(limit: float | None, path: str) -> int:
+    """Return the largest size of a file; the available memory matters for large ones alone."""
     if limit == 0:
         return sys.maxsize - 1
     if limit is not None:
         return int(limit * GIGABYTE)
-    most = int(DEFAULT_GIGABYTES * GIGABYTE)
-    with suppress(OSError, ValueError):  # whoever reads it will say so
-        found = os.stat(path)
-        if stat.S_ISREG(found.st_mode) and found.st_size <= MODEST:
-            return most
-    return max(most, available_memory() or 0)
+    allowed = int(DEFAULT_GIGABYTES * GIGABYTE)
+    with suppress(OSError, ValueError):  # reading the file reports it
+        status = os.stat(path)
+        if stat.S_ISREG(status.st_mode) and status.st_size <= MODEST:
+            return allowed
+    return max(allowed, available_memory() or 0)
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
@@ -109,25 +109,25 @@ ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 """How compressed files begin that are unpacked here."""
 
-PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
+PACKED_SUFFIXES = (".gz", ".gzip", ".zst", ".zstd")
 
 PACKED_FROM = 8
 """Bytes that tell how a file is compressed."""
 
 
 def is_packed(data: bytes) -> bool:
-    """Whether a file is compressed in a way that is unpacked here."""
+    """Return whether a file is compressed in a way that `unpack` knows."""
     return data.startswith((GZIP_MAGIC, ZSTD_MAGIC))
 
 
-def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
-    """The content of a file, of at most so many bytes if it is compressed.
+def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
+    """Return the content of a file, unpacked if it is compressed, up to a size.
 
     Parameters
     ----------
     data, path
         The file.
-    most : int
+    max_size : int
         Bytes that a compressed file may have unpacked: a small one can have any number.
 
     Raises
@@ -143,9 +143,9 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
     with _content(io.BytesIO(data), path) as stream:
         while piece := stream.read(CHUNK):
             size += len(piece)
-            if size > most:
+            if size > max_size:
                 raise InputError(
-                    f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB"
+                    f"{path}: {len(data):,} bytes that unpack to more than {max_size / 1e9:.2g} GB"
                     f"{more_memory()}"
                 )
             pieces.append(piece)
@@ -154,7 +154,7 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
 
 @contextmanager
 def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
-    """The content of a file, unpacked while it is read if it is compressed.
+    """Open a file, unpacked while it is read if it is compressed.
 
     Parameters
     ----------
@@ -176,13 +176,13 @@ def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
 
 @contextmanager
 def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
-    """The same of an open file."""
+    """Unpack an open file while it is read."""
     head = file.read(PACKED_FROM)
     file.seek(0)
     stream: Any = file
     faults: tuple[type[Exception], ...] = ()
     if head.startswith(GZIP_MAGIC):
-        import gzip  # here, as below: few files need it
+        import gzip  # lazy, as below: few files need it
 
         stream, faults = gzip.GzipFile(fileobj=file), (OSError, EOFError, zlib.error)
     elif head.startswith(ZSTD_MAGIC):
@@ -199,26 +199,26 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
 
 
 def unreadable(path: str, kind: str, error: Exception) -> InputError:
-    """Message about a damaged file."""
+    """Return the message about a damaged file."""
     return InputError(f"{path}: no readable {kind} file: {reason_of(error)}")
 
 
 def reason_of(error: Exception) -> str:
-    """The first line of an error."""
+    """Return the first line of an error."""
     if isinstance(error, UnicodeDecodeError):
         return "a text that is not UTF-8; the file is damaged"
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def plain_name(path: str) -> str:
-    """The path without the ending of a compressed file, in lower case."""
+    """Return the path without the ending of a compressed file, in lower case."""
     name = path.casefold()
-    ending = next((ending for ending in PACKED_ENDINGS if name.endswith(ending)), "")
+    ending = next((ending for ending in PACKED_SUFFIXES if name.endswith(ending)), "")
     return name.removesuffix(ending)
 
 
-def load(path: str, most: int = SETTINGS) -> bytes:
-    """The bytes of a file, at most so many.
+def load(path: str, max_size: int = SETTINGS) -> bytes:
+    """Read the bytes of a file, up to a size.
 
     Raises
     ------
@@ -233,12 +233,12 @@ def load(path: str, most: int = SETTINGS) -> bytes:
         if endless:
             raise InputError(f"{path}: is a device, not a file")
     try:
-        if most == SETTINGS:
+        if max_size == SETTINGS:
             return read_bytes(path, InputError)
         return read_bytes(
             path,
             InputError,
-            most,
+            max_size,
             f"allow more with {option('max_input', metavar='GB')}, or any with 0",
         )
     except MemoryError:
@@ -246,7 +246,7 @@ def load(path: str, most: int = SETTINGS) -> bytes:
 
 
 def _is_endless(path: str) -> bool:
-    """Whether it is a device such as /dev/zero; a terminal ends when its user ends it."""
+    """Return whether a path is a device such as /dev/zero; a terminal is not, its user ends it."""
     if path == STDIN:
         return False
     mode = os.stat(path).st_mode
@@ -259,23 +259,23 @@ def _is_endless(path: str) -> bool:
 
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
-    """The bytes of a file, unpacked, as many as `max_input` GB allow: texts shrink to a tenth."""
-    data = load(path, most_bytes(max_input, path))
+    """Return the unpacked bytes of a file, as many as `max_input` GB allow for a text."""
+    data = load(path, max_bytes(max_input, path))
     if not is_packed(data):
         return data
-    return unpack(data, path, int(most_memory(len(data), max_input) / TEXT))
+    return unpack(data, path, int(max_memory(len(data), max_input) / TEXT))
 
 
-def most_memory(file: int, limit: float | None) -> float:
-    """Bytes that reading may take of a file of so many, with a limit as of `check_memory`."""
+def max_memory(file: int, limit: float | None) -> float:
+    """Return the bytes that reading a file may take, with a limit as of `check_memory`."""
     if limit is not None:
         return limit * GIGABYTE or sys.maxsize / 2
-    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
-    return min(most, available_memory() or most)
+    allowed = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
+    return min(allowed, available_memory() or allowed)
 
 
 def check_parquet(kind: str = "Parquet", begin: str = "") -> None:
-    """Whether pyarrow is there.
+    """Check that pyarrow is installed.
 
     Raises
     ------

@@ -29,14 +29,14 @@ from tgospa_eval.common.files import reason
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.engines import DiedError, call_in_helper, limit_memory
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
+from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, kind_of, sized
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import (
     GIGABYTE,
     TABLE,
     check_memory,
+    max_memory,
     more_memory,
-    most_memory,
     unreadable,
 )
 from tgospa_eval.formats.options import ReadOptions
@@ -55,8 +55,8 @@ Room = Callable[[int, str], None]
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 5 (-v6, -v7), by SciPy, which ends the process with one damaged file in fifty, and unpacks
-# whatever a file claims: what is compressed is unpacked here, as far as there is room.
+# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process, and SciPy unpacks
+# as much as a file claims: so compressed data are unpacked here, as far as there is room.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
 """How files begin."""
@@ -81,13 +81,13 @@ INFLATED_BYTES = 1 << 24
 
 
 def _variables(data: bytes, room: Room) -> Variables:
-    """The variables of a file; what is compressed is unpacked when it is needed."""
+    """Return the variables of a file; a compressed one is unpacked when it is needed."""
     from scipy.io import whosmat
 
     room(len(data), "arrays")
     order = "<" if data[126:128] == b"IM" else ">"
     header, at = data[:TEXT_HEADER], TEXT_HEADER
-    found: Variables = {}
+    variables: Variables = {}
     if len(data) < at:
         raise ValueError("it ends early")
     while at < len(data):
@@ -100,14 +100,14 @@ def _variables(data: bytes, room: Room) -> Variables:
             is_read = is_array or class_ in ("cell", "struct")
             cells = 0 if is_array else prod(sizes)
             read = partial(_read, header, element, kind == DEFLATED, name, cells, room)
-            found[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
-    return found
+            variables[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
+    return variables
 
 
 def _read(
     header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
 ) -> Value:
-    """The variable of a file that has no other; SciPy makes as many cells as it claims to have."""
+    """Read the only variable of a file; SciPy makes as many cells as the file claims to have."""
     from scipy.io import loadmat
 
     if is_deflated:
@@ -118,22 +118,22 @@ def _read(
 
 
 def _file(header: bytes, element: bytes) -> Any:
-    """A file of one variable; what SciPy takes is not among its types."""
+    """Return a MAT file of one variable."""
     return io.BytesIO(header + element)
 
 
 def _inflated(data: bytes, room: Room) -> bytes:
-    """What is compressed, as far as there is room."""
-    inflate, found = zlib.decompressobj(), bytearray()
+    """Inflate compressed data, as far as there is memory."""
+    inflate, content = zlib.decompressobj(), bytearray()
     while data:
-        found += inflate.decompress(data, INFLATED_BYTES)
+        content += inflate.decompress(data, INFLATED_BYTES)
         data = inflate.unconsumed_tail
-        room(len(found), "arrays")
-    return bytes(found)
+        room(len(content), "arrays")
+    return bytes(content)
 
 
 def _value(item: Any) -> Value:
-    """What SciPy has read."""
+    """Convert what SciPy has read."""
     if type(item) is not np.ndarray:  # sparse matrices, objects, functions
         return None
     if item.dtype.names is not None:
@@ -147,13 +147,13 @@ def _value(item: Any) -> Value:
 
 
 def _fields(element: Any) -> Value:
-    """A structure, or an element of a structure array."""
+    """Return a structure, or an element of a structure array."""
     return {name: _value(element[name]) for name in element.dtype.names}
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 7.3 is HDF5, whose dimensions are in reverse order. Only what is in this very file is
-# followed: no links, no external data.
+# Version 7.3 is HDF5, whose dimensions are in reverse order. Links and external data are not
+# followed.
 
 MAT_73 = b"MATLAB 7.3 MAT-file"
 
@@ -162,7 +162,7 @@ EMPTY, CLASS = "MATLAB_empty", "MATLAB_class"
 
 
 def _elements(fields: Structure, group: Any) -> Value:
-    """A structure; or the elements of a structure array, whose fields are lists and no cells."""
+    """Return a structure, or the elements of a structure array, whose fields are lists."""
     lists = {
         name: own
         for name, own in fields.items()
@@ -179,7 +179,7 @@ def _elements(fields: Structure, group: Any) -> Value:
 
 @contextmanager
 def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables]:
-    """Variables by name, to be read while the context lasts."""
+    """Open a file of version 7.3 and yield its variables by name."""
     try:
         import h5py  # lazy: the extra may be missing, and other formats do without
     except ModuleNotFoundError:
@@ -187,17 +187,17 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
             f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
             "with -v7 in MATLAB"
         ) from None
-    # The bytes themselves: a file object of Python that HDF5 calls ends the process at times.
+    # HDF5 gets the bytes, as reading a Python file object ends the process at times.
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fapl_core(backing_store=False)
     access.set_file_image(data)
-    image = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
+    image = os.fsencode(os.path.join(path, "image"))  # no file lies below a file
 
     def is_here(group: Any, name: str) -> bool:
         return isinstance(group.get(name, getlink=True), h5py.HardLink)
 
     def within(group: Any, name: str) -> Value:
-        """What a name stands for, if it is in the group itself: a structure, a cell, numbers."""
+        """Read an item of the group itself: a structure, a cell or numbers; None elsewhere."""
         return value(group[name], name) if is_here(group, name) else None
 
     def sizes(name: str) -> tuple[int, ...]:
@@ -213,7 +213,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
         room(item.nbytes, name)
         values = np.asarray(item[()]).T
-        if item.attrs.get(EMPTY):  # which has its dimensions for values
+        if item.attrs.get(EMPTY):  # an empty array stores its dimensions as values
             sizes = [int(size) for size in values.ravel()]
             if 0 not in sizes:
                 raise ValueError(f"{name} is called empty, and is not")
@@ -229,7 +229,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
 
 
 # -------------------------------------------------------------------------------------------------
-# Which of the variables are meant.
+# Choosing the variables.
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
@@ -242,7 +242,7 @@ STATES, LABELS = "X", ("L", "track_list")
 
 
 def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a MAT file; the role chooses among several variables.
+    """Read the rows of a MAT file; the role chooses among several variables.
 
     Raises
     ------
@@ -255,14 +255,14 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     paths, files = options.beside, tuple(map(file_of, options.beside))
     is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
     sides = tuple(zip(paths, files, options.roles, strict=True)) if is_one else ()
-    is_named = file_of(f"{path}:X") == path  # not where it comes by a pipe
+    is_named = file_of(f"{path}:X") == path  # False for a pipe
     name, fields, about = _in_helper(_choose, path, data, options.max_input, role, sides, is_named)
     rows = _rows(f"{path}, {name}", fields, options, len(data))
     return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
-    """Names of all sets of trajectories of a file: ``X``, and of a cell ``Y{1}``, ``Y{2}``, ...
+    """Return the names of all sets of trajectories: ``X``, and of a cell ``Y{1}``, ``Y{2}``, ...
 
     Raises
     ------
@@ -274,7 +274,7 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
 
 
 def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) -> Any:
-    """Work with the sets of trajectories of a file, which damage may end.
+    """Call a function on the sets of a file in a helper process, which a damaged file may end.
 
     Raises
     ------
@@ -305,12 +305,12 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
 
 
 # -------------------------------------------------------------------------------------------------
-# What is done there.
+# Work of the helper process.
 
 ITSELF = GIGABYTE / 4
 """Bytes that the process may take for itself."""
 
-MOST_INFLATED = 1032
+MAX_INFLATED = 1032
 """Times its own size that what is compressed may have unpacked."""
 
 
@@ -323,7 +323,7 @@ def _choose(
     sides: tuple[tuple[str, str, str], ...],
     is_named: bool,
 ) -> tuple[str, Structure, list[str]]:
-    """The variable to read, its fields as far as they are arrays, and notices."""
+    """Choose the variable to read; return it, its fields as far as they are arrays, and notices."""
     with _sets(path, file, data, limit) as sets:
         name = sets.chosen(path, file, role)
         sets.check_sides(sides)
@@ -335,7 +335,7 @@ def _choose(
 
 
 def _names(path: str, file: str, data: bytes, limit: float | None) -> list[str]:
-    """The sets, each element of a cell by itself."""
+    """Return the sets, each element of a cell by itself."""
     with _sets(path, file, data, limit) as sets:
         return [
             run
@@ -346,7 +346,7 @@ def _names(path: str, file: str, data: bytes, limit: float | None) -> list[str]:
 
 @contextmanager
 def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
-    """The sets of trajectories of a file, to be read while the context lasts.
+    """Open a file and yield its sets of trajectories.
 
     Raises
     ------
@@ -357,33 +357,33 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
     def room(size: int, what: str) -> None:
         check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
-    most = most_memory(len(data), limit)
-    if data.startswith(MAT_5):  # SciPy makes room for whatever damaged data claim
-        most = min(most, TABLE * MOST_INFLATED * len(data))
-    limit_memory(int(most + ITSELF))
+    max_bytes = max_memory(len(data), limit)
+    if data.startswith(MAT_5):  # SciPy allocates whatever damaged data claim
+        max_bytes = min(max_bytes, TABLE * MAX_INFLATED * len(data))
+    limit_memory(int(max_bytes + ITSELF))
     try:
         if data.startswith(MAT_73):
-            with _variables_of_hdf5(path, data, room) as found:
-                yield _Sets(file, found)
+            with _variables_of_hdf5(path, data, room) as variables:
+                yield _Sets(file, variables)
         else:
             yield _Sets(file, _variables(data, room))
     except TgospaError:
         raise
     except MemoryError:
         raise InputError(
-            f"{path}: reading it takes more than {most / GIGABYTE:.2g} GB{more_memory()}"
+            f"{path}: reading it takes more than {max_bytes / GIGABYTE:.2g} GB{more_memory()}"
         ) from None
-    except Exception as error:  # damaged files end in errors of many kinds
+    except Exception as error:  # damaged files raise errors of many kinds
         raise unreadable(path, "MAT", error) from None
 
 
 def _run(name: str, place: int) -> str:
-    """An element of a cell, as MATLAB writes it."""
+    """Return the name of an element of a cell, as MATLAB writes it."""
     return f"{name}{{{place}}}"
 
 
 def _is_set(value: Value) -> bool:
-    """Whether this is a set of trajectories, in an element also the array of its states."""
+    """Return whether this is a set of trajectories, in an element also the array of its states."""
     if not isinstance(value, dict):
         return isinstance(value, np.ndarray) and value.ndim > 2
     if isinstance(value.get(STATES), list):
@@ -397,7 +397,7 @@ def _size(value: Value) -> int:
 
 
 def _by_step(fields: Structure, name: str) -> Structure:
-    """Cells with the states and labels of each step as arrays.
+    """Join cells with the states and labels of each step into arrays.
 
     Raises
     ------
@@ -439,8 +439,8 @@ def _by_step(fields: Structure, name: str) -> Structure:
 
 
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
-    """Names of variables that are states by their names, and by a third axis or times beside."""
-    kinds = {name: meant(name)[0] for name in sizes}
+    """Return the names of variables of states that have a third axis, or times beside them."""
+    kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
     return [name for name in named if len(sizes[name]) > 2 or "t" in kinds.values()]
 
@@ -456,30 +456,30 @@ class _Sets:
         Its variables.
     """
 
-    def __init__(self, file: str, found: Variables) -> None:
-        self.file, self.found = file, found
-        self.value = cache(lambda name: found[name][1]())
-        self.arrays = {name: sizes for name, (sizes, _) in found.items() if sizes}
+    def __init__(self, file: str, variables: Variables) -> None:
+        self.file, self.variables = file, variables
+        self.value = cache(lambda name: variables[name][1]())
+        self.arrays = {name: sizes for name, (sizes, _) in variables.items() if sizes}
 
     @cached_property
     def there(self) -> dict[str, int]:
         """The variables that are sets: elements of a cell, 0 of a structure."""
-        counts = {name: self._count(name) for name in self.found if name not in self.arrays}
-        found = {name: count for name, count in counts.items() if count is not None}
-        return found or dict.fromkeys(_states(self.arrays)[:1], 0)
+        counts = {name: self._count(name) for name in self.variables if name not in self.arrays}
+        sets = {name: count for name, count in counts.items() if count is not None}
+        return sets or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
-        """Elements of a cell that has a set, 0 of a set, or an array of states; None of others."""
+        """Return the number of elements of a cell of sets; 0 for a set, None for anything else."""
         if name in self.arrays:
-            is_timed = any(meant(k)[0] == "t" for k in self.arrays)
+            is_timed = any(kind_of(k)[0] == "t" for k in self.arrays)
             return 0 if is_timed or len(self.arrays[name]) > 2 else None
-        value = self.value(name) if name in self.found else None
+        value = self.value(name) if name in self.variables else None
         if isinstance(value, list):
             return len(value) if any(_is_set(read()) for read in value) else None
         return 0 if _is_set(value) else None
 
     def fields(self, name: str) -> Structure:
-        """Fields of ``X``, or of ``Y{3}``; of an array, what the file has beside it.
+        """Return the fields of ``X`` or ``Y{3}``; for an array, the variables that belong to it.
 
         Raises
         ------
@@ -487,50 +487,50 @@ class _Sets:
             An element of a cell is something else.
         """
         if name in self.arrays:
-            is_known = meant(name)[0] in ("x", "particles")
-            beside = [k for k in self.arrays if meant(k)[0] in (NAMES if is_known else ("t", "id"))]
-            own = {name if is_known else "x": self.value(name)}
+            known = kind_of(name)[0] in ("x", "particles")
+            beside = [k for k in self.arrays if kind_of(k)[0] in (NAMES if known else ("t", "id"))]
+            own = {name if known else "x": self.value(name)}
             return own | {k: self.value(k) for k in beside if k != name}
         variable, _, place = name.partition("{")
         value = self.value(variable)
         if isinstance(value, list):
             value = value[int(place[:-1]) - 1]()
         if isinstance(value, np.ndarray) and _is_set(value):
-            timed = {k: self.value(k) for k in self.arrays if meant(k)[0] == "t"}
-            return timed | {variable if meant(variable)[0] else "x": value}
+            timed = {k: self.value(k) for k in self.arrays if kind_of(k)[0] == "t"}
+            return timed | {variable if kind_of(variable)[0] else "x": value}
         if not isinstance(value, dict) or not _is_set(value):
             raise InputError(f"{self.file}: {name} is {NO_SET}")
         return _by_step(value, name) if isinstance(value.get(STATES), list) else value
 
     def chosen(self, path: str, file: str, role: str) -> str:
-        """What to read, ``X`` or ``Y{3}``: what the path names, else what is usual for the role.
+        """Return the set to read, ``X`` or ``Y{3}``: as the path names it, else by the role.
 
         Raises
         ------
         InputError
             There is none of this name, or there are several and none is usual.
         """
-        asked = path[len(file) + 1 :]
-        if not asked:
+        key = path[len(file) + 1 :]
+        if not key:
             if not self.there:
-                inside = f"in it: {self._all()}" if self.found else "nothing else is in it"
+                inside = f"in it: {self._all()}" if self.variables else "nothing else is in it"
                 raise InputError(
                     f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
                     "lengths, xState the states (d, T, n)"
                 )
-            usual = next((k for k in VARIABLES[role] if k in self.there), VARIABLES[role][0])
-            asked = next(iter(self.there)) if len(self.there) == 1 else usual
-            if asked not in self.there:
+            default = next((k for k in VARIABLES[role] if k in self.there), VARIABLES[role][0])
+            key = next(iter(self.there)) if len(self.there) == 1 else default
+            if key not in self.there:
                 raise InputError(
                     f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say "
                     f"which, {path}:{self._firsts()[0]}"
                 )
-        parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", asked)
-        name, place = parts.groups() if parts else (asked, None)
+        parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", key)
+        name, place = parts.groups() if parts else (key, None)
         count = self._count(name)
         if count is None:
             there = self._listed() or f"none; in it: {self._all()}"
-            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
+            raise InputError(f"{path}: no set of trajectories {quoted(key)} (there are: {there})")
         if not count and place is None:
             return name
         if not count:
@@ -546,7 +546,7 @@ class _Sets:
         return _run(name, int(place or 1))
 
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
-        """Whether both sides, their paths, files and roles, are one set, though not both are named.
+        """Check that both sides are not the same variable because neither is named.
 
         Raises
         ------
@@ -558,41 +558,41 @@ class _Sets:
         try:
             name, other = (self.chosen(*side) for side in sides)
         except InputError:
-            return  # which is said when that side is read
+            return  # reading that side reports it
         if name == other:
-            others = [run for run in self._firsts() if run != name] or [name]
+            rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
                 f"{self.file}: both sides are its variable {name}, compared with itself; in it: "
-                f"{listed(self.found)}; name both, {self.file}:{name} {self.file}:{others[0]}"
+                f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
-        """What is not read, where nobody said what to read."""
-        usual = VARIABLES[role][0]
+        """Yield notices about variables that are not read, where none was named."""
+        default = VARIABLES[role][0]
         if name in self.arrays:
             used = {name, *self.fields(name)}
-            others = [sized(k, self.arrays.get(k, ())) for k in self.found if k not in used]
-            if others:
-                yield f"variables not used: {listed(others)}"
+            unused = [sized(k, self.arrays.get(k, ())) for k in self.variables if k not in used]
+            if unused:
+                yield f"variables not used: {listed(unused)}"
         if path != self.file:
             return
         if len(self.there) > 1:
             other = next(run for run in self._firsts() if run != name)
             way = f"; {path}:{other} reads another" if is_named else ""
             yield f"variable {name} of {self._listed()}{way}"
-        elif usual in self.found and usual not in self.there:
-            yield f"variable {name}; {usual} is {NO_SET}"
+        elif default in self.variables and default not in self.there:
+            yield f"variable {name}; {default} is {NO_SET}"
 
     def _firsts(self) -> list[str]:
-        """The sets, of cells the first element."""
+        """Return the names of the sets, for cells that of the first element."""
         return [_run(name, 1) if count else name for name, count in self.there.items()]
 
     def _all(self) -> str:
-        """All variables, arrays with their sizes."""
-        return listed([sized(name, self.arrays.get(name, ())) for name in self.found])
+        """Return a list of all variables, arrays with their sizes."""
+        return listed([sized(name, self.arrays.get(name, ())) for name in self.variables])
 
     def _listed(self) -> str:
-        """The sets, cells from their first element to their last."""
+        """Return a list of the sets, cells from their first element to their last."""
         ends = zip(self._firsts(), self.there.items(), strict=True)
         return listed(
             f"{first} to {_run(name, count)}" if count > 1 else first
@@ -601,12 +601,12 @@ class _Sets:
 
 
 def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows:
-    """A row for each trajectory and step; `name` begins the messages."""
+    """Return a row for each trajectory and step; `name` begins the messages."""
     arrays = {}
     for field, values in fields.items():
         if isinstance(values, np.ndarray):
             arrays[field] = values
-        elif field in TRAJECTORY_FIELDS or meant(field)[0]:
+        elif field in TRAJECTORY_FIELDS or kind_of(field)[0]:
             raise InputError(
                 f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )
@@ -636,7 +636,7 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
         )
     step = np.arange(1, state.shape[1] + 1)[:, None]
     there = (step >= start) & (step < start + length)
-    empty = ~there.any(axis=1, keepdims=True)  # a step, as any of an array is
+    empty = ~there.any(axis=1, keepdims=True)  # a step without states is still a step
     there[:, :1] |= empty
     arrays["xState_dTn"] = np.where(empty, np.nan, state)
     return array_rows(name, arrays, options, file=file, axes=MATLAB, there=there)

@@ -23,7 +23,7 @@ from tgospa_eval.formats.arrays import (
     all_compared,
     array_rows,
     components,
-    meant,
+    kind_of,
     spread_columns,
 )
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
@@ -47,7 +47,7 @@ class ArrayLike(Protocol):
     """A tensor of PyTorch or JAX, or another array: NumPy can see its numbers."""
 
     def __array__(self) -> "np.ndarray[Any, Any]":
-        """The numbers."""
+        """Return the numbers."""
 
 
 ALL_AXES = 4
@@ -69,7 +69,7 @@ class TrackLike(Protocol):
 
     @property
     def id(self) -> object:
-        """What it is called."""
+        """The name of the track."""
 
     @property
     def states(self) -> Sequence[Any]:
@@ -87,7 +87,7 @@ def _rows_of_tracks(
     columns: tuple[str, ...] | None,
     mapping: Sequence[int] | None,
 ) -> Rows:
-    """Tracks and ground-truth paths of Stone Soup as rows of a table, by their attributes.
+    """Convert tracks and ground-truth paths of Stone Soup to a table of their attributes.
 
     Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
     update after its prediction. Where covariances are read these are ``covar``, NaN where there is
@@ -101,7 +101,7 @@ def _rows_of_tracks(
         A state has no time, or is not of numbers; an id is there twice, or some states have
         particles and others covariances.
     """
-    import pandas as pd  # here, as below: files do without
+    import pandas as pd  # lazy, as below: files do without
 
     from tgospa_eval.formats.frames import frame_rows
 
@@ -150,7 +150,7 @@ State: TypeAlias = "tuple[str, Any, Floats, Cloud, Floats | None]"
 def _states_of_tracks(
     tracks: Iterable[Any], name: str, options: ReadOptions, mapping: Sequence[int] | None
 ) -> Iterator[State]:
-    """States track by track."""
+    """Yield the states, track by track."""
     from tgospa_eval.formats.frames import id_text
 
     known: set[str] = set()
@@ -193,7 +193,7 @@ def _states_of_tracks(
 
 
 def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
-    """Particles of a state (N, d) and their weights; one where it is a point."""
+    """Return the particles of a state (N, d) and their weights; one where it is a point."""
     points = numbers_of(state.state_vector, where)
     points = points.reshape(len(points), -1)[chosen].T
     weights = getattr(state, "weight", None)
@@ -209,7 +209,7 @@ class ArrowTable(Protocol):
     """A table of Polars, pyarrow, DuckDB and others: it hands out its columns by Arrow."""
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        """Columns as an Arrow stream."""
+        """Return the columns as an Arrow stream."""
 
 
 class NamedArray(Protocol):
@@ -238,12 +238,12 @@ Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
 
 
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
-    """Whether it is the path of a file."""
+    """Return whether a side is the path of a file."""
     return isinstance(side, (str, os.PathLike))
 
 
 def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
-    """Whether sides that only count their steps have as many; `names` are for messages.
+    """Check that sides which only count their steps have as many; `names` are for messages.
 
     Raises
     ------
@@ -264,12 +264,12 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 
 
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
-    """Sides without any track have the columns of the other, or those that are prescribed."""
-    found = tuple(side for side in sides if side is not None)
-    if len(found) == len(sides):
-        return found
-    if found:
-        there = found[0].trajectories
+    """Give sides without any track the columns of the other side, or the requested ones."""
+    given = tuple(side for side in sides if side is not None)
+    if len(given) == len(sides):
+        return given
+    if given:
+        there = given[0].trajectories
     else:
         there = Trajectories.from_array(np.zeros((0, 0, len(columns or "xy"))))
     nothing = Trajectories.of_times(there.times[:0], there.columns, there.clock)
@@ -280,7 +280,7 @@ def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> 
 def components_of(
     given: Sequence[object], mapping: "Components | None"
 ) -> "list[Sequence[int] | None]":
-    """Of state vectors those to compare, of each side.
+    """Return the components of state vectors to compare, of each side.
 
     Raises
     ------
@@ -303,7 +303,7 @@ def components_of(
 
 
 def _is_tracks(side: object) -> bool:
-    """Whether it is a set of tracks of Stone Soup, or one of them."""
+    """Return whether a side is a set of tracks of Stone Soup, or one of them."""
     if hasattr(side, "states"):
         return True
     if not isinstance(side, Collection) or isinstance(side, (str, Mapping, Trajectories)):
@@ -332,7 +332,7 @@ ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
 
 
 def _axis_of(dim: object, name: str) -> str:
-    """The letter of a dimension.
+    """Return the letter of a dimension.
 
     Raises
     ------
@@ -352,7 +352,7 @@ def _has_named_axes(side: object) -> bool:
 
 
 def with_plain_axes(side: Any, name: str) -> Any:
-    """Arrays with named axes as a mapping of arrays by step and track; another side as it is.
+    """Convert arrays with named axes to arrays by step and track; keep any other side.
 
     A DataArray has states. Variables of a Dataset are states, covariances and particles by their
     dimensions; without one of components each is a coordinate, or the weights by their name.
@@ -382,7 +382,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
             sorted(range(len(letters)), key=lambda k: "TnNd".index(letters[k]))
         )
         kind = ARRAY_OF_AXES.get("".join(sorted(letters)), "")
-        if not kind and meant(str(key))[0] == "weights":
+        if not kind and kind_of(str(key))[0] == "weights":
             kind = "weights"
         if kind in arrays:
             raise InputError(
@@ -404,7 +404,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
 
 
 def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
-    """Runs of a Monte Carlo study by name, blank where they are in order; None of a single side.
+    """Return the runs of a Monte Carlo study by name, blank where unnamed; None for a single side.
 
     They are a list of sides, an array (runs, T, k, d), a pair of times and such, an array of xarray
     with the dimension ``run``, or a table with such a column, in the order of its values.
@@ -443,23 +443,23 @@ def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
 
 
 def is_empty(side: object) -> bool:
-    """Whether it has no track, and so no columns either."""
+    """Return whether a side has no track, and so no columns either."""
     kinds = (Mapping, Set, list, tuple)
     return isinstance(side, kinds) and not len(side)
 
 
 def _counts_steps(side: object) -> bool:
-    """Whether its times are only numbers of steps."""
+    """Return whether the times of a side are only step numbers."""
     if isinstance(side, Mapping):
         is_timed = any(isinstance(value, tuple) for value in side.values())
-        return not (is_timed or (is_variables(side) and any(meant(k)[0] == "t" for k in side)))
+        return not (is_timed or (is_variables(side) and any(kind_of(k)[0] == "t" for k in side)))
     return hasattr(side, "__array__") and as_frame(side, "") is None
 
 
 def is_variables(side: object) -> bool:
-    """Whether it is a mapping from names to arrays by step and track."""
+    """Return whether a side is a mapping from names to arrays by step and track."""
     return isinstance(side, Mapping) and any(
-        isinstance(key, str) and meant(key)[0] in ("x", "particles") and np.ndim(value) > 2
+        isinstance(key, str) and kind_of(key)[0] in ("x", "particles") and np.ndim(value) > 2
         for key, value in side.items()
         if hasattr(value, "ndim")
     )
@@ -523,7 +523,7 @@ def read_object(
 
 
 def has_rows(side: object, options: ReadOptions) -> bool:
-    """Whether a side is read row by row, by its options."""
+    """Return whether a side is read row by row, by its options."""
     if isinstance(side, Trajectories):
         return False
     is_table = is_path(side) or as_frame(side, "") is not None
@@ -537,7 +537,7 @@ def _rows_of_arrays(
     columns: tuple[str, ...] | None,
     mapping: "Sequence[int] | None",
 ) -> Rows | None:
-    """Arrays as rows of a table; None of what is none."""
+    """Convert arrays to rows of a table; None for anything else."""
     if is_timed_array(side):
         side = {"t": list(side[0]), "x": side[1]}
     elif hasattr(side, "__array__"):
@@ -549,7 +549,7 @@ def _rows_of_arrays(
 
 
 def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
-    """Some components of arrays, of pairs with times, or of such by id."""
+    """Select components of arrays, of pairs of times and arrays, or of such by id."""
     if isinstance(side, Mapping):
         return {key: _picked(value, mapping, name) for key, value in side.items()}
     if isinstance(side, tuple) and len(side) == 2:
@@ -559,7 +559,7 @@ def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":
-    """A table of pandas as it is, another one by Arrow; None of what is no table."""
+    """Return a table as a DataFrame, by Arrow if it is none; None if it is no table."""
     if hasattr(side, "iloc") and hasattr(side, "columns"):
         return cast("pd.DataFrame", side)
     if not hasattr(side, "__arrow_c_stream__"):
@@ -583,7 +583,7 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
 
 
 def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
-    """The array that NumPy sees: of a tensor without its derivative, off its device.
+    """Convert to a NumPy array: a tensor without its gradient, from its device.
 
     Raises
     ------
@@ -603,7 +603,7 @@ def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
 
 
 def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajectories:
-    """An array (T, k, d)."""
+    """Build trajectories from an array (T, k, d)."""
     states = array_of(side, name)
     fits = columns is not None and states.ndim == 3 and states.shape[2] == len(columns)
     try:
@@ -615,7 +615,7 @@ def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajec
 def of_timed_array(
     side: tuple[object, ...], name: str, columns: tuple[str, ...] | None
 ) -> Trajectories:
-    """Times and an array (T, k, d)."""
+    """Build trajectories from times and an array (T, k, d)."""
     made = of_array(side[1], name, columns)
     times = times_of(side[0], name)
     if len(times.value) != len(made.times):
@@ -629,14 +629,14 @@ def of_timed_array(
 
 
 def is_timed_array(side: object) -> TypeGuard[tuple[Any, Any]]:
-    """Whether it is times and states."""
+    """Return whether a side is a pair of times and states."""
     return isinstance(side, tuple) and len(side) == 2 and hasattr(side[1], "__array__")
 
 
 def of_mapping(
     tracks: Mapping[object, object], name: str, columns: tuple[str, ...] | None
 ) -> Trajectories:
-    """Tracks by their ids, each an array (T, d) or a pair of times and such.
+    """Build trajectories from tracks by id: arrays (T, d), or pairs of times and such.
 
     Raises
     ------
@@ -648,7 +648,7 @@ def of_mapping(
         raise InputError(
             f"{name}: some tracks are pairs of times and states, others are not; all or none"
         )
-    moments: list[object] = []
+    timestamps: list[object] = []
     states: list[Floats] = []
     for key, value in tracks.items():
         where = f"{name}, track {quoted(key)}"
@@ -661,18 +661,18 @@ def of_mapping(
         own = _listed(value[0], where)
         if len(own) != len(states[-1]):
             raise InputError(f"{where}: {len(own)} times and {len(states[-1])} states")
-        moments += own
+        timestamps += own
     first = states[0]
-    for key, found in zip(tracks, states, strict=True):
-        if found.shape[1] != first.shape[1] or (timed == {False} and len(found) != len(first)):
+    for key, array in zip(tracks, states, strict=True):
+        if array.shape[1] != first.shape[1] or (timed == {False} and len(array) != len(first)):
             raise InputError(
                 f"{name}: track {quoted(next(iter(tracks)))} has the shape {first.shape}, track "
-                f"{quoted(key)} {found.shape}: arrays (T, d) have the same d and, unless they are "
+                f"{quoted(key)} {array.shape}: arrays (T, d) have the same d and, unless they are "
                 "pairs of times and states, the same T; NaN where a track is absent"
             )
     steps = np.tile(np.arange(len(first)), len(states))
-    times = times_of(moments if timed == {True} else steps, name)
-    track = np.repeat(np.arange(len(states)), [len(found) for found in states])
+    times = times_of(timestamps if timed == {True} else steps, name)
+    track = np.repeat(np.arange(len(states)), [len(array) for array in states])
     at = np.arange(len(track)), track
     return from_rows(name, list(tracks), at, np.concatenate(states), times, columns)
 
@@ -687,7 +687,7 @@ def from_rows(
     covariance: Floats | None = None,
     clouds: "Clouds | None" = None,
 ) -> Trajectories:
-    """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
+    """Build trajectories from rows in any order; rows of NaN are absent, but keep their step.
 
     Parameters
     ----------
@@ -718,7 +718,7 @@ def from_rows(
     if len(table) < len(ids):
         twice = next(text for k, text in enumerate(table) if (number == k).sum() > 1)
         raise InputError(f"{name}: two tracks have the id {quoted(twice)}")
-    moments, of_stamp = np.unique(times.value, return_inverse=True)
+    timestamps, of_stamp = np.unique(times.value, return_inverse=True)
     step, track = of_stamp[at[0]], number[at[1]]
     order = np.lexsort((track, step))
     again = np.flatnonzero((np.diff(step[order]) == 0) & (np.diff(track[order]) == 0))
@@ -739,7 +739,7 @@ def from_rows(
         track=track[kept],
         state=states[kept],
         ids=table,
-        times=np.arange(len(moments)),
+        times=np.arange(len(timestamps)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
         covariance=None if covariance is None else covariance[kept],
         clouds=None if clouds is None else clouds.chosen(kept),
@@ -748,29 +748,29 @@ def from_rows(
 
 
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
-    """The same steps at these times, which may repeat."""
+    """Give the steps of trajectories these times, which may repeat."""
     labels = None
-    moments, step = np.unique(times.value, return_inverse=True)
+    timestamps, step = np.unique(times.value, return_inverse=True)
     if times.text is not None:
-        labels = np.empty(len(moments), dtype=object)
+        labels = np.empty(len(timestamps), dtype=object)
         labels[step[::-1]] = np.array(times.text, dtype=object)[::-1]
-    return replace(made, times=cast("TimeArray", moments), clock=times.clock, labels=labels)
+    return replace(made, times=cast("TimeArray", timestamps), clock=times.clock, labels=labels)
 
 
-def _listed(moments: object, where: str) -> Sequence[Any]:
-    """Times one by one."""
-    if isinstance(moments, (list, tuple)):
-        return moments
-    if hasattr(moments, "tolist") and not hasattr(moments, "dtype"):
-        return list(moments.tolist())
-    array = array_of(moments, f"{where}: times")
+def _listed(timestamps: object, where: str) -> Sequence[Any]:
+    """Return the times as a sequence."""
+    if isinstance(timestamps, (list, tuple)):
+        return timestamps
+    if hasattr(timestamps, "tolist") and not hasattr(timestamps, "dtype"):
+        return list(timestamps.tolist())
+    array = array_of(timestamps, f"{where}: times")
     if array.ndim != 1:
         raise InputError(f"{where}: times of shape {array.shape}; must be (T,)")
     return list(array)
 
 
-def times_of(moments: object, name: str) -> "Times":
-    """Numbers, datetimes or ISO texts as times.
+def times_of(values: object, name: str) -> "Times":
+    """Convert numbers, datetimes or ISO texts to times.
 
     Raises
     ------
@@ -781,7 +781,7 @@ def times_of(moments: object, name: str) -> "Times":
 
     from tgospa_eval.formats.frames import frame_times
 
-    given = moments if isinstance(moments, (list, tuple)) else array_of(moments, f"{name}: times")
+    given = values if isinstance(values, (list, tuple)) else array_of(values, f"{name}: times")
     if np.ndim(given) != 1:
         raise InputError(f"{name}: times of shape {np.shape(given)}; must be (T,)")
     kind = None if len(given) else np.int64
@@ -789,16 +789,16 @@ def times_of(moments: object, name: str) -> "Times":
 
 
 def _states(value: object, where: str) -> Floats:
-    """States of one track (T, d)."""
-    found = array_of(value, where)
-    if found.ndim != 2 or not found.shape[1]:
-        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
-        raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
-    return numbers_of(found, where)
+    """Convert the states of one track to an array (T, d)."""
+    array = array_of(value, where)
+    if array.ndim != 2 or not array.shape[1]:
+        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if array.ndim == 1 else ""
+        raise InputError(f"{where}: shape {array.shape}; states have the axes (T, d){hint}")
+    return numbers_of(array, where)
 
 
 def numbers_of(value: object, where: str) -> Floats:
-    """Numbers as doubles.
+    """Convert numbers to doubles.
 
     Raises
     ------
@@ -812,7 +812,7 @@ def numbers_of(value: object, where: str) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a Python user gives as weights of steps, as `WeightsByTime`.
+# Weights of steps given in Python, as `WeightsByTime`.
 
 StepWeightsLike: TypeAlias = (
     "Mapping[Any, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
@@ -824,7 +824,7 @@ GIVEN = "step_weights"
 
 
 def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> WeightsByTime | None:
-    """Any accepted form of the weights of steps; `decimal` is the mark in a file.
+    """Convert any accepted form of the weights of steps; `decimal` is the mark in a file.
 
     Raises
     ------
@@ -841,7 +841,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
         return read_step_weights(os.fspath(given), decimal)
     import pandas as pd  # lazy: files do without
 
-    if isinstance(given, pd.Series):  # by its index, as a mapping
+    if isinstance(given, pd.Series):  # a mapping from its index
         given = dict(given.items())
     frame = as_frame(given, GIVEN)
     if frame is None and isinstance(given, Mapping):
@@ -861,7 +861,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
 
 
 def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
-    """A table ``t, weight[, switch_weight]``."""
+    """Read the step weights in a table ``t, weight[, switch_weight]``."""
     from tgospa_eval.formats.frames import frame_times
 
     columns = {str(name): frame[name] for name in frame.columns}
@@ -966,18 +966,18 @@ def _read_file(
     data = load_content()
     chosen = format or (kind if is_folder else guess(file, data))
     if format is None and chosen in WITHOUT_HEADER and "t" in options.placed:
-        chosen = "csv"  # whose columns are named by place
+        chosen = "csv"  # a CSV file whose columns are named by position
     if chosen == "csv" and has_patterns(options):
         chosen, reader = "wide", None
     if reader is None:
         reader = FORMATS.ours(chosen) if chosen in FORMATS.own else FORMATS[chosen]
-    held = [data]  # given up before rows are assembled, and read again where that is needed
+    contents = [data]  # freed before rows are assembled, and read again if needed
     del data
 
     def read_by(options: ReadOptions) -> Reading:
-        content = held.pop() if held else load_content()
+        content = contents.pop() if contents else load_content()
         if not os.path.exists(file) or not is_regular(file):
-            held.append(content)  # a pipe has its content once
+            contents.append(content)  # a pipe can be read only once
         with FORMATS.blamed(chosen, InputError, f"{name}: "):
             rows = reader(name, content, options, role, given=format is not None)
             if not isinstance(rows, Rows):
@@ -1003,7 +1003,7 @@ WITHOUT_HEADER = ("motchallenge", "visdrone", "kitti", "tum", "yolo")
 
 
 def runs_inside(path: str, max_input: float | None = None) -> list[str]:
-    """Names of the sets of trajectories in a MAT file: ``X``, ``Y{1}``, ``Y{2}``, ...
+    """Return the names of the sets of trajectories in a MAT file: ``X``, ``Y{1}``, ``Y{2}``, ...
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How to read a file, and which rows of it. Knows no format.
+"""Options of reading a file, and of selecting its rows. No format is known here.
 
 Filters compare columns, ``score >= 0.5 and type != van``: they are parsed, never executed.
 """
@@ -47,10 +47,10 @@ Comparison = tuple[str, str, int | float | str]
 a text was in quotes, or is no number."""
 
 
-def _holds(comparison: Comparison, values: "Values", at: Callable[[int], str], asked: str) -> Mask:
-    """Which rows fulfil a comparison; a blank does so with a text alone.
+def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
+    """Return which rows fulfil a comparison; a blank does so with a text alone.
 
-    `at` says where a row is, `asked` what asks for this, for messages.
+    `at` says where a row is, `way` what asks for this, for messages.
 
     Raises
     ------
@@ -65,10 +65,10 @@ def _holds(comparison: Comparison, values: "Values", at: Callable[[int], str], a
         if len(filled) and value and number is None:
             raise InputError(
                 f"{at(int(filled[0]))}, column {quoted(column)}: "
-                f"{values[filled[0]]:g} is a number, and {asked} compares with a text; "
+                f"{values[filled[0]]:g} is a number, and {way} compares with a text; "
                 "compare with a number"
             )
-        if number is None:  # which a blank may be
+        if number is None:  # a blank may be a missing number
             return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
         return np.asarray(compare(values, number))
     if isinstance(value, str):
@@ -80,7 +80,7 @@ def _holds(comparison: Comparison, values: "Values", at: Callable[[int], str], a
             rows = np.flatnonzero(np.isin(values, wrong))
             raise InputError(
                 f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is no "
-                f"number as for {asked}{more(len(rows))}; leave it blank, or compare texts, "
+                f"number as for {way}{more(len(rows))}; leave it blank, or compare texts, "
                 f"{column} == '{value}'"
             )
         values = np.array([numbers[text] for text in values.tolist()], float)
@@ -111,14 +111,14 @@ class Where:
         return tuple(column for column, _, _ in self.comparisons)
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
-        """Which rows fulfil it, from the values by column; parameters as of `_holds`."""
-        asked = f"{self.option} {quoted(self.text)}"
-        masks = (_holds(one, values[one[0]], at, asked) for one in self.comparisons)
+        """Return which rows pass the filter, by the values of each column; as `_fulfils`."""
+        way = f"{self.option} {quoted(self.text)}"
+        masks = (_fulfils(one, values[one[0]], at, way) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
 
 
-def parse_where(texts: str | Iterable[str], asked_by: str) -> tuple[Where, ...]:
-    """Filters of an option that may be given several times.
+def parse_where(texts: str | Iterable[str], keyword: str) -> tuple[Where, ...]:
+    """Parse the filters of an option that may be given several times.
 
     Raises
     ------
@@ -127,18 +127,18 @@ def parse_where(texts: str | Iterable[str], asked_by: str) -> tuple[Where, ...]:
     """
     each = (texts,) if isinstance(texts, str) else texts
     return tuple(
-        Where(option=asked_by, text=text, comparisons=_parsed(text, asked_by)) for text in each
+        Where(option=keyword, text=text, comparisons=_parsed(text, keyword)) for text in each
     )
 
 
-def _parsed(text: str, asked_by: str) -> tuple[Comparison, ...]:
+def _parsed(text: str, keyword: str) -> tuple[Comparison, ...]:
     comparisons: list[Comparison] = []
     end, is_joined = 0, True
     while is_joined:
         match = ONE.match(text, end)
         if match is None:
             raise ConfigError(
-                f"{asked_by} {quoted(text)}: must be COLUMN >= NUMBER or COLUMN == TEXT, with ==, "
+                f"{keyword} {quoted(text)}: must be COLUMN >= NUMBER or COLUMN == TEXT, with ==, "
                 "!=, <, <=, > or >=, several joined by and; what has blanks in quotes, 'a b' >= 1"
             )
         (column, given), mark = (_unquoted(match[k]) for k in (1, 3)), match[2]
@@ -147,7 +147,7 @@ def _parsed(text: str, asked_by: str) -> tuple[Comparison, ...]:
         value = given if number is None else number
         if isinstance(value, str) and mark not in ("==", "!="):
             raise ConfigError(
-                f"{asked_by} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
+                f"{keyword} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
                 f"by == and != alone; {option('time')} is for ranges of times"
             )
         comparisons.append((column, mark, value))
@@ -179,7 +179,7 @@ class TimeRange:
     text: str
 
     def inside(self, times: TimeArray, clock: str, where: str) -> Mask:
-        """Which of the times lie in the range; integers are compared exactly.
+        """Return which of the times lie in the range; integers are compared exactly.
 
         Raises
         ------
@@ -200,8 +200,8 @@ class TimeRange:
         return keep
 
 
-def parse_moments(text: str | None) -> TimeRange | None:
-    """The range ``A:B``; of ISO times, which contain colons, it is split where both halves parse.
+def parse_time_range(text: str | None) -> TimeRange | None:
+    """Parse a range ``A:B``; ISO times contain colons, so it splits where both halves parse.
 
     Raises
     ------
@@ -210,26 +210,26 @@ def parse_moments(text: str | None) -> TimeRange | None:
     """
     if text is None:
         return None
-    found = []
+    ranges = []
     for halves in _splits(text, 2):
         with suppress(TimeError):
             times = parse_times([half for half in halves if half] or [""], floats)
             ends = iter(times.value.tolist())
             low, high = (next(ends) if half else None for half in halves)
-            found.append(TimeRange(low=low, high=high, clock=times.clock, text=text))
-    if len(found) != 1:
+            ranges.append(TimeRange(low=low, high=high, clock=times.clock, text=text))
+    if len(ranges) != 1:
         raise ConfigError(
             f"{option('time')} {quoted(text)}: must be A:B, two numbers or two ISO times, of "
             "which one may be blank"
         )
-    low, high = found[0].low, found[0].high
+    low, high = ranges[0].low, ranges[0].high
     if low is not None and high is not None and low > high:
         raise ConfigError(f"{option('time')} {quoted(text)}: ends before it begins")
-    return found[0]
+    return ranges[0]
 
 
 def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
-    """Declared steps, ``FIRST:LAST[:EVERY]``; of ISO times, which contain colons, as it parses.
+    """Parse steps, ``FIRST:LAST[:EVERY]``; ISO times contain colons, so it splits where all parse.
 
     Those in the range of time alone, where one is asked for.
 
@@ -240,52 +240,52 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
     """
     if text is None:
         return None
-    found: list[Steps] = []
+    declared: list[Steps] = []
     for given in (*_splits(text, 2), *_splits(text, 3)):
         with suppress(TimeError, ConfigError):
             times = parse_times(given[:2], floats)
             every = Duration.of(given[2], option("steps")) if given[2:] else None
             low, high = times.value.tolist()
-            found.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
-    if len(found) != 1:
+            declared.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
+    if len(declared) != 1:
         raise ConfigError(
             f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two "
             "numbers or two ISO times, and how far apart the steps are, such as 0:99 or "
             "0:10:100ms"
         )
-    if found[0].first > found[0].last:
+    if declared[0].first > declared[0].last:
         raise ConfigError(f"{option('steps')} {quoted(text)}: ends before it begins")
     if within is None:
-        return found[0]
-    ticks = found[0].ticks()
-    ticks = ticks[within.inside(ticks, found[0].clock, option("steps", text))]
+        return declared[0]
+    ticks = declared[0].ticks()
+    ticks = ticks[within.inside(ticks, declared[0].clock, option("steps", text))]
     if not len(ticks):
         raise ConfigError(
             f"{option('time', within.text)}: is beyond all steps of {option('steps', text)}"
         )
-    return replace(found[0], first=ticks[0].item(), last=ticks[-1].item())
+    return replace(declared[0], first=ticks[0].item(), last=ticks[-1].item())
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
-    """The text split at colons into so many parts, in every way: times may have colons."""
+    """Yield all ways to split a text at colons into so many parts: times may contain colons."""
     pieces = text.split(":")
     for at in combinations(range(1, len(pieces)), count - 1):
         yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """The class of this name; if there is none, the only one that differs in case alone."""
-    found = [other for other in there if is_alike(name, other)]
-    return name if name in found else found[0] if len(found) == 1 else None
+    """Return the class of this name, else the only one that differs in case alone."""
+    alike = [other for other in there if is_alike(name, other)]
+    return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Whether two names differ in upper and lower case at most."""
+    """Return whether two names differ in upper and lower case at most."""
     return name.casefold() == other.casefold()
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
-    """Ranges by column of ``x=-50:50,y=0:``.
+    """Parse the ranges ``x=-50:50,y=0:`` by column.
 
     Raises
     ------
@@ -318,7 +318,7 @@ ROLES = ("truth", "estimate")
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """How to read a file, and which rows of it.
+    """Options of reading a file, and of selecting its rows.
 
     Parameters
     ----------
@@ -452,19 +452,19 @@ class ReadOptions:
             raise ConfigError(
                 f"class: a name is blank; name classes, {option('class_', 'car,van')}"
             )
-        parse_moments(self.time)
+        parse_time_range(self.time)
         parse_region(self.region)
 
-    def beside_others(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
-        """The same for a file that is read with these; what was checked is not checked again."""
+    def with_paths(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
+        """Return these options with the paths that are read together; nothing is checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)
         return same
 
     @property
-    def moments(self) -> TimeRange | None:
+    def time_range(self) -> TimeRange | None:
         """`time`, understood."""
-        return parse_moments(self.time)
+        return parse_time_range(self.time)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -472,7 +472,7 @@ class ReadOptions:
         return parse_region(self.region)
 
     def filters(self) -> Iterator[tuple[str, str | float | list[str]]]:
-        """The filters in use, and where a day begins, by the names of their options."""
+        """Yield the filters in use, and where a day begins, by the names of their options."""
         for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
             if value is not None:
                 yield name, list(value) if isinstance(value, tuple) else value
@@ -484,14 +484,14 @@ class ReadOptions:
             yield "by", "class"
 
     def covariances(self) -> Iterator[tuple[str, bool | str]]:
-        """What is done about covariances, by the names of the options."""
+        """Return the options of covariances, by name."""
         if self.covariance:
             yield "fix_cov", self.fix_covariance
             yield "missing_cov", self.missing_covariance
 
 
 def one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
-    """Whether a value is one of those allowed.
+    """Check that a value is one of those allowed.
 
     Raises
     ------

@@ -16,7 +16,7 @@ RULE = "weights must be >= 0 and not all zero"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Particles:
-    """Which rows of a file make which cloud.
+    """Rows of a file that are particles, and the cloud of each.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ class Particles:
     idle: int
 
     def means(self, values: Floats) -> Floats:
-        """For each row the weighted mean (R, n) of its cloud, of values (R, n) of the rows."""
+        """Return for each row the weighted mean (R, n) of its cloud, from values (R, n) of rows."""
         sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
     def clouds(
         self, rows: Rows, state: Floats, taken: Ints, ordered: Ints
     ) -> tuple[Clouds, Ints, Ints]:
-        """The clouds of some rows, the first row of each, and its key; rows sorted by key.
+        """Return the clouds of some rows, the first row of each, and its key; rows sorted by key.
 
         Raises
         ------
@@ -63,33 +63,33 @@ class Particles:
                 f"{LARGEST_COORDINATE:g}{more(len(far))}; use another unit"
             )
         begin = np.flatnonzero(np.diff(ordered, prepend=-1))
-        found = Clouds(
+        clouds = Clouds(
             points=state.take(taken, axis=0),
             weights=self.weights[taken],
             first=np.append(begin, len(taken)),
         )
-        return found, taken[begin], ordered[begin]
+        return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """What the user should know; `compared`: whether particles enter the distance."""
-        found = []
+        """Return notices about the clouds; `compared`: whether particles enter the distance."""
+        texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
             many = "clouds of {} particles are compared by their means"
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
-            found.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
+            texts.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
         if self.uneven:
             have = counted(self.uneven, "cloud has", "clouds have")
-            found.append(
+            texts.append(
                 f"{have} weights that do not sum to 1 (the farthest to {self.worst:g}): normalised"
             )
         if self.idle:
-            found.append(f"{counted(self.idle, 'particle')} of weight 0 left out")
-        return found
+            texts.append(f"{counted(self.idle, 'particle')} of weight 0 left out")
+        return texts
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
-    """Clouds of the rows that take part; None if none has two particles, unless `always`.
+    """Build the clouds of the rows; None if no cloud has two particles, unless `always`.
 
     Raises
     ------
@@ -144,4 +144,4 @@ def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | No
 
 
 def _name(rows: Rows, row: int) -> str:
-    return f"id {rows.called(row)}, t {rows.moment(row)}"
+    return f"id {rows.quoted_id(row)}, t {rows.moment(row)}"

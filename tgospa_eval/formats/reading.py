@@ -1,4 +1,4 @@
-"""What a file gave: its trajectories, and what the user should know about how they were read.
+"""Trajectories of a file, with notices and warnings about how they were read.
 
 Regions in which estimates are not judged are shapes of the plane, of an image or of the Earth.
 """
@@ -118,7 +118,7 @@ class Regions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """What was read from a file, and what the user should know about it.
+    """Trajectories of a file, and what the user should know about how they were read.
 
     Parameters
     ----------
@@ -179,9 +179,9 @@ class Reading:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What a result records of the file."""
-        found = {"rows": self.rows, "left_out": self.left_out}
-        return found | ({"format": self.format} if self.format else {})
+        """Entries of the file in the result."""
+        counts = {"rows": self.rows, "left_out": self.left_out}
+        return counts | ({"format": self.format} if self.format else {})
 
     @property
     def taken(self) -> int:
@@ -189,16 +189,16 @@ class Reading:
         return len(self.trajectories.step)
 
     def has_class(self, name: str) -> bool:
-        """Whether there are rows of a class that is asked for."""
+        """Return whether there are rows of a requested class."""
         return class_named(name, self.named) is not None
 
     def warn(self) -> Trajectories:
-        """The trajectories, with a Python warning for each of its own."""
+        """Return the trajectories, and issue a Python warning for each of its own."""
         warn_user(self.warnings)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:
-        """The rows of one class, on the times of the whole file."""
+        """Return the rows of one class, on the times of the whole file."""
         whole = self.trajectories
         if self.klass is None or name not in self.classes:
             rows = np.zeros(0, np.int64)
@@ -227,7 +227,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
             text = f"{fault}, no known place: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
-    if not (reading.trajectories.state == -1).all():  # as some scenes are
+    if not (reading.trajectories.state == -1).all():  # some scenes have only -1
         return reading
     warning = Notice(
         code="no-place",
@@ -242,7 +242,7 @@ def by_one_place(
     options: Sequence[ReadOptions],
     again: Sequence[Callable[[ReadOptions], Reading] | None],
 ) -> list[Reading | None]:
-    """All sides by one place, where `by_place` read another one of some; a warning where none is.
+    """Read all sides by one kind of place, where `by_place` chose others; warn where none fits.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def with_heights(
     local: bool,
     distance: str,
 ) -> list[Reading | None]:
-    """Sides with their heights where all have some; a notice where one has.
+    """Add heights to the sides where all have some; add a notice where one has.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def with_heights(
                 flat = there[0], replace(there[1], notices=(*there[1].notices, text))
                 return list(flat)
             one = high
-            text = told_heights(there[k].height, own)
+            text = heights_notice(there[k].height, own)
             answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
         elif one.height:
             text = left_out_heights(one.height, names[1 - k])
@@ -340,7 +340,7 @@ def with_heights(
 
 
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
-    """Both sides with zoned times, where one has these and the other counts since 1970.
+    """Give both sides zoned times, where one has them and the other counts since 1970.
 
     That is seen by their size, and a notice says so.
     """
@@ -360,7 +360,7 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
 
 
 def check_heights(headers: Sequence[str], distance: str) -> None:
-    """Whether the distance compares heights, which both sides have.
+    """Check that both sides have heights, if the distance compares them.
 
     Raises
     ------
@@ -375,8 +375,8 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         )
 
 
-def told_heights(header: str, options: ReadOptions) -> str:
-    """A notice about heights that are compared."""
+def heights_notice(header: str, options: ReadOptions) -> str:
+    """Return a notice about heights that are compared."""
     return (
         f"heights are compared ({header}); "
         f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
@@ -384,7 +384,7 @@ def told_heights(header: str, options: ReadOptions) -> str:
 
 
 def left_out_heights(header: str, other: str) -> str:
-    """A notice about heights of one side alone."""
+    """Return a notice about heights that only one side has."""
     return f"heights ({header}) are left out: {other} has none"
 
 
@@ -394,7 +394,7 @@ def check_classes(
     classes: Sequence[str] | None,
     each: Sequence[ReadOptions],
 ) -> None:
-    """Whether there are rows of every class that was asked for.
+    """Check that there are rows of every requested class.
 
     Parameters
     ----------
@@ -412,16 +412,16 @@ def check_classes(
     ConfigError
         There is none of one, or it is not clear which is meant.
     """
-    asked = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
+    requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
         if options.classes != classes:
             own = options.classes or ()
-            asked += [(option(f"{role}_class"), name, (side,), f" of {path}") for name in own]
-    for way, name, those, of in asked:
+            requested += [(option(f"{role}_class"), name, (side,), f" of {path}") for name in own]
+    for way, name, those, of in requested:
         alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
-        mixed = any(len(found) > 1 for found in alike)
-        for side, found in zip(those, alike, strict=True):
-            if found and name not in found and (mixed or not side.has_class(name)):
+        mixed = any(len(names) > 1 for names in alike)
+        for side, names in zip(those, alike, strict=True):
+            if names and name not in names and (mixed or not side.has_class(name)):
                 shown = " and ".join(map(quoted, sorted(set().union(*alike))))
                 raise ConfigError(
                     f"{way} {quoted(name)}: there is {shown}; write it as in the files, by "

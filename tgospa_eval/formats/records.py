@@ -20,7 +20,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.guess import SAMPLES, foreign, is_table_folder
 from tgospa_eval.formats.headers import BOX, Headers
-from tgospa_eval.formats.loading import TABLE, check_memory, load, most_bytes, unpack, unreadable
+from tgospa_eval.formats.loading import TABLE, check_memory, load, max_bytes, unpack, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
@@ -31,12 +31,12 @@ Record = dict[str, Any]
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
 """Keys of images that number the frames of a video."""
 
-MOST_LEVELS = 4
+MAX_LEVELS = 4
 """Levels of records that become columns."""
 
 
 def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of flat records, or of annotations of COCO, the same in either role.
+    """Read the table of flat records, or of annotations of COCO, the same in either role.
 
     Raises
     ------
@@ -52,13 +52,13 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     records = document["annotations"] if is_coco else document
     records = _by_key(records)
     if isinstance(records, dict):
-        with suppress(ValueError):  # columns by name, as DataFrame.to_json writes them
+        with suppress(ValueError):  # DataFrame.to_json writes columns by name
             records = pd.DataFrame(records).to_dict("records")
     if not _are_records(records) or not records:
         raise InputError(f"{path}: {foreign('{')}")
     if is_coco or (records and {"image_id", "bbox"} <= records[0].keys()):
         records = _of_coco(path, records, document if is_coco else _beside(path, options), options)
-    table = pd.json_normalize(_unnested(records), max_level=MOST_LEVELS)
+    table = pd.json_normalize(_unnested(records), max_level=MAX_LEVELS)
     for name in list(table):
         values = table[name].tolist()
         if all(isinstance(v, list) and len(v) == len(values[0]) for v in values):
@@ -68,7 +68,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _by_key(document: Any) -> Any:
-    """Records of lists by frame or by object, with the key as their time or id."""
+    """Flatten lists of records by frame or by object; the key is their time or id."""
     lists = document if isinstance(document, dict) else {}
     if not lists or not all(map(_are_records, lists.values())):
         return document
@@ -78,7 +78,7 @@ def _by_key(document: Any) -> Any:
 
 
 def _unnested(records: list[Record]) -> list[Record]:
-    """Records with one list of records each, as of a frame, as the rows of these lists."""
+    """Flatten records that hold one list of records each, as of a frame."""
     lists = {name for record in records for name, value in record.items() if _are_records(value)}
     if len(lists) != 1:
         return records
@@ -95,7 +95,7 @@ def _are_records(value: object) -> bool:
 
 
 def _document(path: str, data: bytes, options: ReadOptions) -> Any:
-    """The document in a file, or the list of records that are a line each."""
+    """Parse the document in a file, or the list of records that are a line each."""
     lines = data.splitlines()
     first = next((line for line in lines if line.strip()), b"").strip()
     if not (first.startswith(b"{") and first.endswith(b"}") and len(lines) > 1):
@@ -105,16 +105,16 @@ def _document(path: str, data: bytes, options: ReadOptions) -> Any:
 
 
 def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
-    """The file of the other side, if it has the images that results are of."""
+    """Return the document of the other side, if it has the images that the results refer to."""
     for other in options.beside:
         if other != path and os.path.isfile(other):
-            most = most_bytes(options.max_input, other)
-            data = unpack(load(other, most), other, most)
+            limit = max_bytes(options.max_input, other)
+            data = unpack(load(other, limit), other, limit)
             if data.lstrip().startswith(b"{"):
                 document = load_json(other, data, options)
                 if "images" in document:
-                    found: Mapping[str, Any] = document
-                    return found
+                    images: Mapping[str, Any] = document
+                    return images
     raise InputError(
         f"{path}: results of COCO, which name images by number; evaluate them against the file "
         "with the images, or write a column t"
@@ -124,7 +124,7 @@ def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
 def _of_coco(
     path: str, records: list[Record], document: Mapping[str, Any], options: ReadOptions
 ) -> list[Record]:
-    """Records with the columns of a table."""
+    """Convert the records of COCO to those of a table."""
     try:
         images = {image["id"]: image for image in document["images"]}
         times = _times(path, images, options)
@@ -154,7 +154,7 @@ def _of_coco(
 
 
 def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dict[Any, Any]:
-    """The time of each image by its id: the number of its frame, else its id if these are in turn.
+    """Return the time of each image by its id: its frame number, else its id if ids are in turn.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
 
 
 def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """The table of a spreadsheet, where openpyxl is installed.
+    """Read the table of a spreadsheet, where openpyxl is installed.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
         ) from None
     except InputError:
         raise
-    except Exception as error:  # damage ends in any fault
+    except Exception as error:  # damage may raise anything
         raise unreadable(path, "Excel", error) from None
     tables = {name: page for name, page in pages.items() if len(page.columns)}
     if len(tables) != 1:
@@ -218,7 +218,7 @@ Samples = Mapping[str, tuple[int, str]]
 
 
 def read_samples(folder: str, options: ReadOptions) -> Samples:
-    """The samples of a folder of tables.
+    """Read the samples of a folder of tables.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
     if os.path.isfile(os.path.join(folder, "scene.json")):
         names = {row["token"]: row["name"] for row in table(folder, "scene", options, "name")}
     path = os.path.join(folder, SAMPLES)
-    found: dict[str, tuple[int, str]] = {}
+    samples: dict[str, tuple[int, str]] = {}
     for k, row in enumerate(table(folder, "sample", options, "scene_token"), start=1):
         stamp = row.get("timestamp")
         if isinstance(stamp, bool) or not isinstance(stamp, int) or abs(stamp) >= 2**63:
@@ -237,12 +237,12 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
                 f"{path}, row {k}: timestamp is {quoted(stamp)}; it must be whole microseconds"
             )
         scene: str = row["scene_token"]
-        found[row["token"]] = stamp, names.get(scene, scene)
-    return found
+        samples[row["token"]] = stamp, names.get(scene, scene)
+    return samples
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
-    """The records of a table; each has a token and these texts.
+    """Return the records of a table; each has a token and these texts.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
         The file is missing, or no such table.
     """
     path = os.path.join(folder, f"{name}.json")
-    rows = load_json(path, load(path, most_bytes(options.max_input, path)), options)
+    rows = load_json(path, load(path, max_bytes(options.max_input, path)), options)
     if not isinstance(rows, list):
         raise InputError(f"{path}: no table of nuScenes, which is a list of records")
     for k, row in enumerate(rows, start=1):
@@ -262,12 +262,12 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
 
 
 def is_unicode(text: str) -> bool:
-    """Whether a text can be written: JSON may have halves of characters."""
+    """Return whether a text can be written: JSON may have halves of characters."""
     return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
-    """The document in a file.
+    """Parse the JSON document in a file.
 
     Raises
     ------
@@ -317,18 +317,18 @@ NO_OBJECT = "for samples without an object, which are steps all the same"
 
 
 class _Object(NamedTuple):
-    """What is said of an object in a sample; nothing where a sample has none."""
+    """One object in a sample; without id and numbers if the sample has none."""
 
     sample: str
     number: int = 0
     id: str = ""
     klass: str = ""
     numbers: tuple[float, ...] = (np.nan,) * len(NUMERIC_COLUMNS)
-    apart: str = ""
+    reason: str = ""
 
 
 def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a folder of tables, or of results in JSON, the same in either role.
+    """Read the rows of a folder of tables, or of results in JSON, the same in either role.
 
     Raises
     ------
@@ -337,17 +337,17 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
     """
     if os.path.isdir(path):
         samples = read_samples(path, options)
-        found = list(_annotations(path, samples, options))
+        objects = list(_annotations(path, samples, options))
     else:
         results = _results(path, data, options)
         folder = _folder_for(path, options)
         samples = read_samples(folder, options)
-        found = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
-    return _rows(path, found, samples, options)
+        objects = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
+    return _rows(path, objects, samples, options)
 
 
 def _folder_for(path: str, options: ReadOptions) -> str:
-    """The folder with the tables: the other side, or where either file is."""
+    """Return the folder with the tables: the other side, or the folder of either file."""
     places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
     for folder in (*places, os.path.dirname(path) or "."):
         if is_table_folder(folder):
@@ -359,7 +359,7 @@ def _folder_for(path: str, options: ReadOptions) -> str:
 
 
 def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
-    """Objects by sample."""
+    """Return the objects of results, by sample."""
     document = load_json(path, data, options)
     results = document.get("results") if isinstance(document, dict) else None
     folder = os.path.dirname(path) or "."
@@ -376,9 +376,9 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
 def _tracks(
     path: str, results: Mapping[str, Any], samples: Samples, table_path: str
 ) -> Iterator[_Object]:
-    """Objects of results, and samples that have none."""
+    """Yield the objects of results, and samples that have none."""
     scenes: dict[str, set[str]] = {}
-    found: list[_Object] = []
+    tracked: list[_Object] = []
     for token, objects in results.items():
         if token not in samples:
             raise InputError(
@@ -388,7 +388,7 @@ def _tracks(
         if not isinstance(objects, list):
             raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
         if not objects:
-            found.append(_Object(token, apart=NO_OBJECT))
+            tracked.append(_Object(token, reason=NO_OBJECT))
         scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
@@ -402,14 +402,14 @@ def _tracks(
                 place = _Object(token, k)
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
-            found.append(_Object(token, k, name, klass, numbers))
-    for item in found:  # an id is one track in each scene
+            tracked.append(_Object(token, k, name, klass, numbers))
+    for item in tracked:  # an id is one track in each scene
         several = len(scenes.get(item.id, ())) > 1
         yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 
 
 def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[_Object]:
-    """Objects of the tables, and samples that have none."""
+    """Yield the objects of the tables, and samples that have none."""
     categories = {row["token"]: row["name"] for row in table(path, "category", options, "name")}
     kinds = {
         row["token"]: categories.get(row["category_token"], "")
@@ -430,29 +430,29 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
             raise InputError(f"{_where(path, _Object(sample, k))}: {error}") from None
         empty.pop(sample, None)
         klass = TRACKED.get(kinds[name], kinds[name])
-        apart = "" if klass in tracked else NOT_TRACKED
-        if not apart and item.get("num_lidar_pts") == item.get("num_radar_pts") == 0:
-            apart = NO_POINTS
-        yield _Object(sample, k, name, klass, numbers, apart)
+        reason = "" if klass in tracked else NOT_TRACKED
+        if not reason and item.get("num_lidar_pts") == item.get("num_radar_pts") == 0:
+            reason = NO_POINTS
+        yield _Object(sample, k, name, klass, numbers, reason)
     for sample in empty:
-        yield _Object(sample, apart=NO_OBJECT)
+        yield _Object(sample, reason=NO_OBJECT)
 
 
 def _where(path: str, item: _Object) -> str:
-    """Where an object is, for messages."""
+    """Return where an object is, for messages."""
     if os.path.isdir(path):
         return f"{os.path.join(path, 'sample_annotation.json')}, row {item.number}"
     return f"{path}, sample {quoted(item.sample)}, object {item.number}"
 
 
 def _fault(item: Mapping[str, Any], key: str, rule: str) -> ValueError:
-    """What is wrong with a value, and what it must be."""
+    """Return what is wrong with a value, and what it must be."""
     there = f"{key} is {quoted(item[key])}" if key in item else f"no {key}"
     return ValueError(f"{there}; it must {rule}")
 
 
 def _text(item: Mapping[str, Any], key: str) -> str:
-    """An id or a class, which some write as a number."""
+    """Convert an id or a class, which some write as a number, to a text."""
     value = item.get(key)
     if type(value) not in (str, int) or not str(value).strip() or not is_unicode(str(value)):
         raise _fault(item, key, "be a text")
@@ -471,35 +471,35 @@ def _numbers(item: Mapping[str, Any]) -> Iterator[float]:
 
 
 def _finite(item: Mapping[str, Any], key: str, values: list[Any]) -> list[float]:
-    """The same numbers; NaN is one, of what is not known."""
+    """Check that numbers are finite or NaN, which stands for unknown."""
     for value in values:
         if type(value) not in (float, int) or abs(value) > LARGEST_PLACE:
             raise _fault(item, key, "have finite numbers")
     return values
 
 
-def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOptions) -> Rows:
-    """The rows of objects, in the order of the file."""
-    asked = options
+def _rows(path: str, objects: Sequence[_Object], samples: Samples, options: ReadOptions) -> Rows:
+    """Return the rows of objects, in the order of the file."""
+    reading = options
     if options.columns is None and not options.boxes:
-        asked = replace(options, columns=PLACE[:2])
-    roles = replace(find_roles(NUSCENES_COLUMNS, asked, path, fixed=True), unused=())
-    # Of a sample without an object: names that are there already, so that none is new.
-    named = [item for item in found if item.apart is not NO_OBJECT]
+        reading = replace(options, columns=PLACE[:2])
+    roles = replace(find_roles(NUSCENES_COLUMNS, reading, path, fixed=True), unused=())
+    # A sample without an object gets names that exist already, so that no id is new.
+    named = [item for item in objects if item.reason is not NO_OBJECT]
     first = named[0] if named else _Object("")
-    values = np.array([item.numbers for item in found]).reshape(-1, len(NUMERIC_COLUMNS))
-    classes = number_ids([item.klass or first.klass for item in found])
+    values = np.array([item.numbers for item in objects]).reshape(-1, len(NUMERIC_COLUMNS))
+    classes = number_ids([item.klass or first.klass for item in objects])
     rules = {"no object": NO_OBJECT, "not tracked": NOT_TRACKED, "no points": NO_POINTS}
     return rows_by_components(
         lambda column: np.asarray(values[:, column - 3]),
-        [samples[item.sample][0] for item in found],
+        [samples[item.sample][0] for item in objects],
         roles,
         name=path,
-        ids=number_ids([item.id or first.id for item in found]),
-        where=lambda row: _where(path, found[row]),
+        ids=number_ids([item.id or first.id for item in objects]),
+        where=lambda row: _where(path, objects[row]),
         classes=None if roles.klass is None else classes,
-        apart={
-            rule: (np.array([item.apart == text for item in found], bool), text)
+        excluded={
+            rule: (np.array([item.reason == text for item in objects], bool), text)
             for rule, text in rules.items()
         },
     )

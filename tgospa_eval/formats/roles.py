@@ -139,9 +139,9 @@ class Roles:
     @property
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes and filters that are nothing else, and are read as texts."""
-        others = {self.id, self.time, self.klass, *self.numbers}
-        asked = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
-        return tuple(sorted(asked - others))
+        known = {self.id, self.time, self.klass, *self.numbers}
+        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
+        return tuple(sorted(wanted - known))
 
     @property
     def used(self) -> list[int]:
@@ -157,13 +157,13 @@ class Roles:
         )
 
     @property
-    def called(self) -> dict[str, str]:
+    def renamed(self) -> dict[str, str]:
         """Headers of ids, times and states that bear another name; none of a format without."""
-        found = self._headers()
-        return {name: header for name, header in found.items() if header.casefold() != name}
+        headers = self._headers()
+        return {name: header for name, header in headers.items() if header.casefold() != name}
 
     def _headers(self) -> dict[str, str]:
-        """Headers of ids, times and the states that are columns, by name."""
+        """Return the headers of ids, times and the states that are columns, by name."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -172,7 +172,7 @@ class Roles:
         return {name: self.headers[column] for name, column in places.items()}
 
     def notices(self, *, clouds: bool) -> Iterator[str]:
-        """Columns that are passed over, and what becomes of covariances.
+        """Yield notices about columns that are not used, and about covariances.
 
         `clouds`: whether rows are particles; weights are for them only, covariances are not.
         """
@@ -183,7 +183,7 @@ class Roles:
                     f"{option('columns')}"
                 )
         yield from self.passed
-        asked = self.options.covariance and not self.options.clouds
+        wants_covariance = self.options.covariance and not self.options.clouds
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -192,7 +192,7 @@ class Roles:
         if unused:
             folded = {name.casefold() for name in unused}
             way = ""
-            if not (asked or clouds) and any(map(SPREAD.fullmatch, folded)):
+            if not (wants_covariance or clouds) and any(map(SPREAD.fullmatch, folded)):
                 way = (
                     f"; {option('distance', 'gaussian-wasserstein')} compares covariances; see "
                     f"also {option('with_', 'nees')}"
@@ -202,11 +202,11 @@ class Roles:
             yield f"columns not used: {listed(unused)}{way}"
         if self.spread is not None and not clouds:
             read = [self.headers[column] for column in self.spread.columns]
-            others = [n for n in read if n.casefold().startswith(("var_", "sigma_"))]
-            if self.spread.is_unusual or others:
+            deviations = [n for n in read if n.casefold().startswith(("var_", "sigma_"))]
+            if self.spread.is_unusual or deviations:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
-        if asked and self.spread is None and not clouds:
+        if wants_covariance and self.spread is None and not clouds:
             from tgospa_eval.formats.spread import entries  # lazy: most states are points
 
             labels = [label for _, _, label in entries(self.names)]
@@ -217,12 +217,12 @@ class Roles:
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
-        """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
+        """Compute quantities (R, len(mixes)) from the `numbers` columns (R, n); may be a view."""
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
             return numbers[:, : len(mixes)]
         answer = np.zeros((len(numbers), len(mixes)), order="F")
-        with np.errstate(over="ignore", invalid="ignore"):  # refused with the row, later
+        with np.errstate(over="ignore", invalid="ignore"):  # refused later, with the row
             for k, mix in enumerate(mixes):
                 for column, factor in mix:
                     answer[:, k] += factor * numbers[:, at[column]]
@@ -236,11 +236,11 @@ OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): 
 def _with_height(
     headers: Headers, options: ReadOptions, wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], str]:
-    """State columns, and the header of heights that are left out."""
+    """Return state columns, and the header of heights that are left out."""
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
     of_boxes = headers.places("height") if headers.places("width") else []
     known = [k for k in headers.places(name) if k not in of_boxes] if name else []
-    column = next(iter(known), None)  # of several the best known
+    column = next(iter(known), None)  # the first of several is the best known
     if column is None:
         return wanted, ""
     if options.heights == "tell":
@@ -288,10 +288,10 @@ def find_roles(
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
     wanted, height = _with_height(headers, options, wanted)
-    found = {name: mixes.of(name, wanted) for name in wanted}
-    state = tuple(mix for mix in found.values() if mix is not None)
+    by_name = {name: mixes.of(name, wanted) for name in wanted}
+    state = tuple(mix for mix in by_name.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
-        fault = absent(headers, (identity, time), found)
+        fault = absent(headers, (identity, time), by_name)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
@@ -299,7 +299,7 @@ def find_roles(
     weight = None if options.boxes else headers.find(WEIGHT)
     is_width = weight is not None and names[weight].casefold() == "w"
     if is_width and headers.find("height") is not None:
-        weight = None  # of a box
+        weight = None  # w is the width of a box
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
     used = {identity, time, second, klass, *more_ids}
@@ -346,7 +346,7 @@ def find_roles(
 
 
 def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
-    """Headers of the table that `formats.frames.lengthened` makes of a wide one."""
+    """Return the headers of the table that `formats.frames.lengthened` makes of a wide one."""
     objects = objects_in(names, mapped)
     if not objects:
         return names
@@ -359,7 +359,7 @@ def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
 
 
 def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    """State columns of boxes: x and y are centres, and what one file names is asked of both."""
+    """Return the state columns of boxes: x and y are centres, and both files need all of them."""
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
         raise ConfigError(
@@ -370,7 +370,7 @@ def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_stamp(headers: Headers) -> None:
-    """Whether no column of times is there, but two that are parts of one time."""
+    """Check that no time is split into two columns, unless another column is the time."""
     mapped = headers.mapped
     if "t" in mapped or set(FIRST_ALIASES["t"]) & headers.folded.keys():
         return
@@ -387,7 +387,7 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
-    """The columns behind the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
+    """Return the columns behind the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
     whole = headers.mapped.get("id", "")
     parts = [part.strip() for part in whole.split("+")]
     if len(parts) < 2 or headers.spelt(whole, "id") is not None:
@@ -395,20 +395,22 @@ def _more_ids(headers: Headers) -> tuple[int, ...]:
     places = [headers.spelt(part, "id") for part in parts]
     known = [place for place in places if place is not None]
     if len(known) < len(parts):
-        headers.mapped["id"] = parts[places.index(None)]  # which is said of it
+        headers.mapped["id"] = parts[places.index(None)]  # the message names it
         return ()
     headers.mapped["id"] = parts[0]
     return tuple(known[1:])
 
 
 def _second_of_times(headers: Headers) -> int | None:
-    """The second of two columns that are mapped as ``t=DATE+TIME``; the first stays mapped."""
+    """Return the second column of ``t=DATE+TIME``; the first stays mapped."""
     first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
         return None
-    found = headers.spelt(second, "t")
-    headers.mapped["t"] = second if found is None else first  # what is missing is said of it
-    return found
+    position = headers.spelt(second, "t")
+    headers.mapped["t"] = (
+        second if position is None else first
+    )  # the message about a missing column names it
+    return position
 
 
 class _Mixes:
@@ -428,7 +430,7 @@ class _Mixes:
         return self.plain_box or _box(self.headers.find, self._centre)
 
     def _centre(self, axis: str) -> int | None:
-        """Column of the centre of boxes, mapped or named so: x alone may be a corner."""
+        """Return the column of the centre of boxes, mapped or named so: x alone may be a corner."""
         column = self.headers.find(axis)
         known = axis in self.headers.mapped or (
             column is not None and CENTRE.search(self.headers.names[column])
@@ -441,7 +443,7 @@ class _Mixes:
         place = [self.plainly(name) for name in ("x", "y")]
         if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
             return
-        with suppress(InputError):  # of headers that nobody needs
+        with suppress(InputError):  # headers that are not needed
             size = [self.headers.find(name) for name in ("width", "height")]
             if None in size or self.box:
                 return
@@ -457,19 +459,19 @@ class _Mixes:
             )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
-        """A quantity, beside these states: in space x is a place, not the centre of a box."""
-        found = self.plainly(name)
+        """Return the mix of a quantity beside these states: in space, x is no centre of a box."""
+        column = self.plainly(name)
         if name in ("x", "y") and name not in self.headers.mapped and "z" not in states:
             mapped = not self.headers.mapped.keys().isdisjoint(EDGES)
-            found = None if mapped and name in self.box else found
-        if found is None and name in ("x", "y", "z") and "z" in states:
-            found = self.headers.find(f"loc_{name}")
-        if found is None and name not in self.plain_box:
-            found = self.headers.find(name)
-        return self.box.get(name) if found is None else ((found, 1.0),)
+            column = None if mapped and name in self.box else column
+        if column is None and name in ("x", "y", "z") and "z" in states:
+            column = self.headers.find(f"loc_{name}")
+        if column is None and name not in self.plain_box:
+            column = self.headers.find(name)
+        return self.box.get(name) if column is None else ((column, 1.0),)
 
     def of_region(self, name: str, states: Sequence[str]) -> Mix:
-        """A quantity that the filter by region looks at."""
+        """Return the mix of a quantity that the filter by region compares."""
         mix = self.of(name, states)
         if mix is None:
             raise InputError(
@@ -480,7 +482,7 @@ class _Mixes:
         return mix
 
     def default_states(self) -> tuple[str, ...]:
-        """x, y, z as far as they are there, else lat and lon, else the centres of boxes.
+        """Return x, y, z as far as they are there, else lat and lon, else the centres of boxes.
 
         Boxes that the user maps go before all.
         """
@@ -502,15 +504,15 @@ class _Mixes:
 def _class_column(
     headers: Headers, options: ReadOptions, missing: dict[str, str], *, fixed: bool
 ) -> int | None:
-    """Column of the classes, if they are asked for; the message if every file lacks it."""
+    """Return the column of the classes, if they are requested, or note that the file lacks it."""
     if options.classes is None and not options.by_class:
         return None
     klass = headers.find("class")
     if klass is None:
         way = options.class_for or option("by", "class")
         way = way if options.classes is None else option("class_")
-        meant = (name for name in headers.names if re.search("class|categor|type", name, re.I))
-        mapped = f"class={next(meant, 'HEADER')}"
+        candidates = (name for name in headers.names if re.search("class|categor|type", name, re.I))
+        mapped = f"class={next(candidates, 'HEADER')}"
         remedy = f"add it, or map it with {ask(headers.option, [mapped])}"
         fault = (
             f"{headers.where}: no column class for {way} (found: {headers.shown}); "
@@ -525,7 +527,7 @@ def _class_column(
 def _spread(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> "SpreadColumns | None":
-    """Columns of the covariances, if there are any."""
+    """Return the columns of the covariances, if there are any."""
     from tgospa_eval.formats.spread import find_spread  # lazy: most states are points
 
     namings = _namings(wanted, state, headers)
@@ -535,7 +537,7 @@ def _spread(
 def _namings(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> Iterator[tuple[str, ...]]:
-    """What state columns are called in the names of covariances: by their headers, or as named.
+    """Return the names of state columns in those of covariances: by header, or as mapped.
 
     Where another column bears the name as its header, the covariance is that column's.
     """
@@ -559,7 +561,7 @@ CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
 def _box(
     find: Callable[[str], int | None], centre_of: Callable[[str], int | None]
 ) -> dict[str, Mix]:
-    """Edges, sizes and centre of boxes, as far as there are columns for them."""
+    """Return the edges, sizes and centre of boxes, as far as there are columns for them."""
     box: dict[str, Mix] = {}
     for axis, begin, size, end in (
         ("x", "left", "width", "right"),
@@ -584,12 +586,12 @@ UNNAMED = "column 1 (blank header)"
 
 
 def are_numbers(fields: Sequence[str]) -> bool:
-    """Whether most of the fields are numbers, as of a row and not of a header."""
+    """Return whether most of the fields are numbers, as of a row and not of a header."""
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
 def without_header(fields: Sequence[str], name: str, where: str) -> str:
-    """Message about a table that begins with numbers."""
+    """Return the message about a table that begins with numbers."""
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
@@ -600,7 +602,7 @@ def without_header(fields: Sequence[str], name: str, where: str) -> str:
 
 
 def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[str] | None:
-    """Names of so many columns of a table without a header, if ids and times are among them.
+    """Return the column names of a table without header, if ids and times are among them.
 
     Raises
     ------
@@ -622,15 +624,15 @@ def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[
 
 
 def _check_names(names: list[str], where: str, keyword: str) -> None:
-    """Whether these are the headers of columns that are distinct."""
+    """Check that these are the headers of distinct columns."""
     if are_numbers(names):
         raise InputError(without_header(names, keyword, where))
-    seen: set[str] = set()
+    earlier: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:
             raise InputError(
                 f"{where}: column {k} has no name in the header; name it, also if unused"
             )
-        if name in seen:
+        if name in earlier:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
-        seen.add(name)
+        earlier.add(name)

@@ -50,7 +50,7 @@ class Rows:
         The columns `Roles.texts`.
     weight_fault : str, optional
         What is wrong with the texts of the weights, for those who need them.
-    apart : dict of str to (R,) bool array and str
+    excluded : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and the message about them.
     warnings : tuple of Notice
         What looks wrong with them.
@@ -67,21 +67,21 @@ class Rows:
     classes: Numbered | None = None
     attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
-    apart: dict[str, tuple[Mask, str]] = field(default_factory=dict)
+    excluded: dict[str, tuple[Mask, str]] = field(default_factory=dict)
     warnings: tuple[Notice, ...] = ()
     read_as: Callable[[float], str | float] | None = None
 
     @property
     def whole(self) -> bool:
-        """Whether these are all rows of a side."""
+        """True if these are all rows of a side."""
         return self.read_as is None
 
-    def called(self, row: int) -> str:
-        """Id of a row, for messages."""
+    def quoted_id(self, row: int) -> str:
+        """Return the id of a row, for messages."""
         return quoted(self.ids[0][self.ids[1][row]])
 
     def moment(self, row: int) -> str | float:
-        """Time of a row as read."""
+        """Return the time of a row as read."""
         times = self.times
         if self.read_as is not None:
             return self.read_as(times.value[row].item())
@@ -91,7 +91,7 @@ class Rows:
 def rows_by_components(
     component: Callable[[int], Floats], times: Sequence[int] | Ints, roles: Roles, **more: Any
 ) -> Rows:
-    """Rows whose columns a function gives by number, with whole times; `more` as of `Rows`."""
+    """Build rows whose columns a function gives by number; `more` as of `Rows`."""
     numbers = np.empty((len(times), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         numbers[:, k] = component(column)
@@ -105,10 +105,10 @@ def rows_by_components(
 
 
 def number_ids(ids: Sequence[str]) -> Numbered:
-    """Distinct ids in natural order (2 before 10), and the number of each row's."""
-    seen: dict[str, int] = {}
-    number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
-    names = np.array([*seen], dtype=object)
+    """Return the distinct ids in natural order (2 before 10), and the number of each row's."""
+    numbering: dict[str, int] = {}
+    number = np.array([numbering.setdefault(text, len(numbering)) for text in ids], np.int64)
+    names = np.array([*numbering], dtype=object)
     order = natural_order(names)
     rank = np.empty(len(names), np.int64)
     rank[order] = np.arange(len(names))
@@ -121,25 +121,25 @@ def natural_order(names: NDArray[Any]) -> Ints:
     if joined.isascii() and joined.isdigit() and "" not in names and max(map(len, names)) < 19:
         whole = names.astype(np.int64)
         order = np.argsort(whole)
-        if np.diff(whole[order]).all():  # no 7 beside 07
+        if np.diff(whole[order]).all():  # unless 7 and 07 both occur
             return order
     keys = [natural(name) for name in names.tolist()]
     return np.array(sorted(range(len(keys)), key=keys.__getitem__), np.int64)
 
 
 def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
-    """Distinct names in natural order, and the number of each row's."""
+    """Return the distinct names in natural order, and the number of each row's."""
     table, number = number_ids([name(text) for text in column.distinct])
     return table, number[column.code]
 
 
 def name_objects() -> str:
-    """What to do about a blank id, for messages."""
+    """Return the remedy for blank ids, for messages."""
     return f"name the object, or {option('on_invalid', 'drop')} leaves such rows out"
 
 
 def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:
-    """Ids of one column or of several, whose texts are joined; blank where one of them is."""
+    """Return the ids of one column, or of several joined; blank where one of them is."""
     whole = columns[0]
     for column in columns[1:]:
         distinct, code = np.unique(
@@ -156,17 +156,17 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
 
 
 def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
-    """Rows without an id set apart, as `Rows.apart` has them."""
+    """Return the rule that excludes rows without an id, as `Rows.excluded` has it."""
     blank = blanks(ids)
     if not len(blank):
         return {}
-    apart = np.zeros(len(ids[1]), bool)
-    apart[blank] = True
-    return {"no id": (apart, f"without an id left out, by {option('on_invalid', 'drop')}")}
+    mask = np.zeros(len(ids[1]), bool)
+    mask[blank] = True
+    return {"no id": (mask, f"without an id left out, by {option('on_invalid', 'drop')}")}
 
 
 def blanks(column: Numbered) -> Ints:
-    """Rows without a name."""
+    """Return the numbers of rows without a name."""
     table, number = column
     names = table.tolist()  # a list is searched ten times as fast
     return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

@@ -23,7 +23,7 @@ BEYOND = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class SpreadColumns:
-    """Where the covariances of a table are.
+    """Columns of the covariances of a table.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class SpreadColumns:
 
     @property
     def deviations(self) -> bool:
-        """Whether they are standard deviations and correlations."""
+        """True if the columns are standard deviations and correlations."""
         return SPELLINGS[self.spelling][2]
 
     @property
     def is_unusual(self) -> bool:
-        """Whether their headers begin with P."""
+        """True if the headers begin with P."""
         return self.spelling in (NAMED, NUMBERED)
 
     @property
@@ -56,7 +56,7 @@ class SpreadColumns:
         return tuple(column for entry in self.entries for column in entry)
 
     def labels(self) -> list[tuple[int, int, str]]:
-        """Row, column and name of each entry."""
+        """Return the row, column and name of each entry."""
         return list(entries(self.names, self.spelling))
 
     @property
@@ -85,20 +85,20 @@ whether these are standard deviations. {0} and {1} are state columns, {2} and {3
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
-    """Headers of an entry of a covariance, the usual one first."""
+    """Return the headers of an entry of a covariance, the usual one first."""
     beside, diagonal, _ = SPELLINGS[spelling]
-    found = []
+    headers = []
     for i, j in dict.fromkeys([(first, second), (second, first)]):
         one, other = names[i], names[j]
         for form in diagonal if i == j else beside:
             is_joined = "}{" in form and "{0}" in form
             if not is_joined or len(one) == len(other) == 1:
-                found.append(form.format(one, other, i + 1, j + 1))
-    return sorted(found, key=lambda name: (name.startswith(("var", "sigma")), len(name)))
+                headers.append(form.format(one, other, i + 1, j + 1))
+    return sorted(headers, key=lambda name: (name.startswith(("var", "sigma")), len(name)))
 
 
 def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int, str]]:
-    """Row, column and usual header of each entry of the lower triangle, row by row."""
+    """Yield the row, column and usual header of each entry of the lower triangle, row by row."""
     for i in range(len(names)):
         for j in range(i + 1):
             yield i, j, spelt(j, i, names, spelling)[0]
@@ -107,7 +107,7 @@ def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int,
 def find_spread(
     names: Sequence[str], find: Callable[[str], int | None], where: str
 ) -> SpreadColumns | None:
-    """The columns of the covariances of these state columns; None if there are none.
+    """Find the columns of the covariances of these state columns; None if there are none.
 
     Spellings are taken in the order of `SPELLINGS`. Entries by number are those of the states only
     if these are in the order of the table, and there is none of a further one. `find` gives the
@@ -135,16 +135,16 @@ def find_spread(
         entries = entries[: len(names) * (len(names) + 1) // 2]
         if not any(entries):
             continue
-        found = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
-        for (i, j, label), entry in zip(found.labels(), entries, strict=True):
+        spread = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
+        for (i, j, label), entry in zip(spread.labels(), entries, strict=True):
             if i == j and not entry:
-                header = label if found.deviations else spelt(i, i, names)[0]
+                header = label if spread.deviations else spelt(i, i, names)[0]
                 raise InputError(
                     f"{where}: no column {label}, but others of the covariance; add it, map it "
                     f"with {option('columns', f'{header}=HEADER')}, "
                     f"or choose state columns with {option('columns')}"
                 )
-        return found
+        return spread
     return None
 
 
@@ -157,7 +157,7 @@ def covariances_of(
     missing: str,
     fix: bool,
 ) -> tuple[Floats, list[Notice]]:
-    """Lower triangles (R, d (d + 1) / 2) of the rows, and what the user should know of them.
+    """Return lower triangles (R, d (d + 1) / 2) of the rows, and notices about them.
 
     Parameters
     ----------
@@ -181,10 +181,10 @@ def covariances_of(
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Position and place of the wrong one that comes first in the file; how many more."""
+        """Return the position and place of the first wrong row in the file, and how many follow."""
         at = np.flatnonzero(wrong)
-        found = int(at[np.argmin(row[at])])
-        return found, where(int(row[found])), more(len(at))
+        position = int(at[np.argmin(row[at])])
+        return position, where(int(row[position])), more(len(at))
 
     notices = []
     if spread.absent:
@@ -193,9 +193,9 @@ def covariances_of(
     without = _blank(values, spread, first)
     if without.any():
         if missing == "error":
-            _, place, others = first(without)
+            _, place, rest = first(without)
             raise InputError(
-                f"{place}: no covariance{others}; add it, or {option('missing_cov', 'zero')} "
+                f"{place}: no covariance{rest}; add it, or {option('missing_cov', 'zero')} "
                 "makes such states points"
             )
         states = counted(int(np.count_nonzero(without)), "state has", "states have")
@@ -207,7 +207,7 @@ def covariances_of(
             packed[k] = _entry(k, values, spread, without, first)
     if spread.deviations:
         packed = _products(packed, spread, first, fix=fix)
-    order = np.argsort(row, kind="stable")  # messages name the first of the file
+    order = np.argsort(row, kind="stable")  # messages name the first row of the file
     packed[:, order], changed = accept(
         packed[:, order], lambda k: where(int(row[order[k]])), fix=fix
     )
@@ -215,7 +215,7 @@ def covariances_of(
 
 
 def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> Mask:
-    """Rows without any covariance.
+    """Return which rows have no covariance.
 
     Raises
     ------
@@ -226,13 +226,13 @@ def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) ->
     without = np.asarray(np.all(list(blank.values()), axis=0), bool)
     partly = np.any(list(blank.values()), axis=0) & ~without
     if partly.any():
-        at, place, others = first(partly)
+        at, place, rest = first(partly)
         named = zip(spread.labels(), spread.entries, strict=True)
         labels = [
             label for (*_, label), entry in named if any(blank[column][at] for column in entry)
         ]
         raise InputError(
-            f"{place}: {labels[0]} is blank and other entries of the covariance are not{others}; "
+            f"{place}: {labels[0]} is blank and other entries of the covariance are not{rest}; "
             f"fill it, or leave all blank and use {option('missing_cov', 'zero')}"
         )
     return without
@@ -245,7 +245,7 @@ def _entry(
     without: Mask,
     first_of: First,
 ) -> Floats:
-    """The k-th entry of the lower triangles: the mean of both columns, if there are two.
+    """Return the k-th entry of the lower triangles: the mean of both columns, if there are two.
 
     Raises
     ------
@@ -261,32 +261,30 @@ def _entry(
             scale = np.sqrt(np.abs(one)) * np.sqrt(np.abs(two))
         mean, wrong = symmetric(first, other, np.where(without, 0.0, scale))
         if len(wrong):
-            at, place, others = first_of(np.isin(np.arange(len(without)), wrong))
+            at, place, rest = first_of(np.isin(np.arange(len(without)), wrong))
             raise InputError(
                 f"{place}: covariance not symmetric: {label} is given as {first[at]:.15g} "
-                f"and as {other[at]:.15g}{others}; correct one, or leave it out"
+                f"and as {other[at]:.15g}{rest}; correct one, or leave it out"
             )
         first = mean
     return np.asarray(first, np.float64)
 
 
 def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:
-    """Covariances of standard deviations and correlations, these of any size if they are mended."""
+    """Compute covariances from standard deviations and correlations; any size if mended."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
-        least, most = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
-        wrong = ~((packed[k] >= least) & (packed[k] <= most))
+        low, high = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
+        wrong = ~((packed[k] >= low) & (packed[k] <= high))
         if wrong.any():
-            at, place, others = first(wrong)
-            rule = f"0 to {most:g}" if i == j else f"-1 to 1; correct it or use {option('fix_cov')}"
-            raise InputError(
-                f"{place}: {label} is {packed[k, at]:g}{others}; it must be from {rule}"
-            )
+            at, place, rest = first(wrong)
+            rule = f"0 to {high:g}" if i == j else f"-1 to 1; correct it or use {option('fix_cov')}"
+            raise InputError(f"{place}: {label} is {packed[k, at]:g}{rest}; it must be from {rule}")
     d = size_of(len(packed))
     deviation = [packed[i * (i + 3) // 2] for i in range(d)]
     answer = np.empty_like(packed)
     for k, (i, j, _) in enumerate(spread.labels()):
         product = deviation[i] * deviation[j]
-        with np.errstate(over="ignore"):  # to be mended; what is too large is refused afterwards
+        with np.errstate(over="ignore"):  # too large values are refused afterwards
             answer[k] = product if i == j else packed[k] * product
     return answer

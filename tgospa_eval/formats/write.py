@@ -17,7 +17,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
-    """CSV ``id,t,...``, covariances behind the states; numbers are read back as the same doubles.
+    """Format as CSV ``id,t,...``, covariances behind the states; doubles are read back exactly.
 
     Clouds have a row for each particle, with its ``weight`` before the states.
 
@@ -32,13 +32,13 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    # As plain Python values: their text is the shortest exact.
+    # Plain Python values have the shortest exact text.
     writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     return text.getvalue()
 
 
 def parquet_bytes(trajectories: Trajectories) -> bytes:
-    """The table of `csv_text` as Parquet.
+    """Format the table of `csv_text` as Parquet.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def parquet_bytes(trajectories: Trajectories) -> bytes:
 
 
 def npz_bytes(trajectories: Trajectories) -> bytes:
-    """The columns of `csv_text` as arrays of an npz archive."""
+    """Format the columns of `csv_text` as an npz archive."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {
         name: array.astype(str) if array.dtype == object else array
@@ -75,7 +75,7 @@ TABLES: dict[str, Callable[[Trajectories], bytes]] = {
 
 
 def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
-    """Id, time and state of each row, with its covariance; of clouds of each particle."""
+    """Return the id, time and state of each row, with its covariance; a cloud has several rows."""
     clouds = trajectories.clouds
     counts = 1 if clouds is None else clouds.counts
     times = trajectories.shown[trajectories.step]
@@ -97,7 +97,7 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:
-    """MOTChallenge text: ``frame,id,left,top,width,height`` and what the role asks for.
+    """Format as MOTChallenge: ``frame,id,left,top,width,height`` and what the role needs.
 
     Truth: consider-flag 1, class 1 (pedestrian), visibility 1. Estimate: score 1 and three unused
     fields -1.
@@ -115,7 +115,7 @@ def motchallenge_text(trajectories: Trajectories, role: str) -> str:
 
 
 def kitti_text(trajectories: Trajectories, role: str) -> str:
-    """KITTI tracking labels: class Car, the image box, everything else unknown.
+    """Format as KITTI tracking labels: class Car, the image box, everything else unknown.
 
     ``frame id type truncated occluded alpha left top right bottom`` with six decimals, then
     dimensions -1, location -1000 and rotation -10, which is how KITTI writes "unknown"; in an
@@ -126,9 +126,9 @@ def kitti_text(trajectories: Trajectories, role: str) -> str:
     InputError
         Not boxes, or an id or time that is no whole number.
     """
-    seen, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
+    flags, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
     return "".join(
-        f"{frame} {name} Car {seen} -10 "
+        f"{frame} {name} Car {flags} -10 "
         f"{left:.6f} {top:.6f} {left + width:.6f} {top + height:.6f} "
         f"-1 -1 -1 -1000 -1000 -1000 -10{score}\n"
         for name, frame, (left, top, width, height) in _boxes(trajectories, "KITTI")
@@ -147,7 +147,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
         raise InputError(
             f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
         )
-    # As plain Python values: their text is the shortest exact.
+    # Plain Python values have the shortest exact text.
     ids, times = trajectories.ids.tolist(), trajectories.shown.tolist()
     for step, track, state in zip(
         trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True

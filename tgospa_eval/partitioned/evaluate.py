@@ -25,7 +25,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.headers import ask
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
+from tgospa_eval.formats.reading import check_heights, heights_notice, left_out_heights
 from tgospa_eval.partitioned.files import changed_file, files_of, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
 from tgospa_eval.partitioned.scan import BlockPlan, Scanned, clock_of, find_steps, fitted
@@ -244,7 +244,7 @@ def _with_heights(
     headers = [roles.height for roles in heads]
     if all(headers):
         check_heights(headers, request_of(heads[0].names).distance.name)
-        texts = [told_heights(header, one) for header, one in zip(headers, reading, strict=True)]
+        texts = [heights_notice(header, one) for header, one in zip(headers, reading, strict=True)]
         first, second = (replace(one, heights="use") for one in reading)
         return (first, second), texts
     named = zip(headers, paths[::-1], strict=True)

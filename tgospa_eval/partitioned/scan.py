@@ -30,7 +30,7 @@ from tgospa_eval.results.records import Arrays, Json
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.coverage import row_sums
-from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.interpolation import find_times
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -79,7 +79,7 @@ class BlockPiece:
         """The rows of a side that are at steps, and how many they are."""
         step = self.step[which]
         on = step >= 0
-        place, there = found_at(found.times, self.sides[which].times[self.spans[which]][on])
+        place, there = find_times(found.times, self.sides[which].times[self.spans[which]][on])
         rows = np.flatnonzero(there[found.step])
         step = step[on][place[found.step[rows]]]
         return found.chosen(rows, step, self.times), len(rows)
@@ -351,7 +351,7 @@ def scan(
             {
                 "left_out": reading.left_out,
                 "idle": list(reading.idle) if reading.rows else None,
-                "sums": row_sums(reading.trajectories.seen_as(request.distance.kinds)),
+                "sums": row_sums(reading.trajectories.reduced_to(request.distance.kinds)),
                 "at_steps": count,
                 "warnings": [vars(notice) for notice in reading.warnings],
             }
@@ -379,7 +379,7 @@ def _write_block(folder: Path, low: int, fitted: AlignedPair, request: Evaluatio
         "slack": problem.cost_slack,
         "blur": np.inf if is_empty else near.distance.last_place(near.sides),
         "at_cutoff": problem.at_cutoff,
-        "counting": json.dumps(row_sums(aligned[0].seen_as(kinds))),
+        "counting": json.dumps(row_sums(aligned[0].reduced_to(kinds))),
     }
     masks: tuple[Mask | slice, Mask | slice] = unjudged or (slice(0), slice(0))
     for role, side, mask in zip(("truth", "estimate"), aligned, masks, strict=True):
@@ -411,13 +411,13 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
         entries,
         (problem.truth_row[entries], problem.estimate_row[entries]),
     )
-    told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
-    spread = told[1].second_moments
+    told = aligned.truth.reduced_to(request.kinds), aligned.estimate.reduced_to(request.kinds)
+    spread = told[1].spread
     if spread is not None:
         from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: as in memory
 
         periods = periods_in(distance, told[0].columns)
-        spreads = told[0].second_moments, spread
+        spreads = told[0].spread, spread
         beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
         if unjudged is not None:  # nobody is judged by an ignored truth
             beside[NEES][unjudged[0][rows[0]]] = np.nan

@@ -203,12 +203,12 @@ def solve_shard(
 def judged_at_steps(problem: Problem, side: int) -> Ints:
     """How many objects of a side are judged at each step."""
     objects = problem.sides[side]
-    return np.bincount(objects.step[objects.judged], minlength=problem.steps)
+    return np.bincount(objects.step[objects.evaluated], minlength=problem.steps)
 
 
 def judged_rows(side: Objects) -> Ints:
     """How many rows of each track are judged."""
-    return np.bincount(side.track[side.judged], minlength=side.count)
+    return np.bincount(side.track[side.evaluated], minlength=side.count)
 
 
 def marks_of(problem: Problem, entry: Ints | slice) -> Ints:

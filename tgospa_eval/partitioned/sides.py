@@ -55,7 +55,7 @@ from tgospa_eval.partitioned.runs import (
 )
 from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.text import listed, option
-from tgospa_eval.tracks.coverage import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
@@ -278,8 +278,8 @@ def _save_steps(
     labels = None if moments.label is None else decoded(moments.label)
     times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
     inside = np.ones(len(times), bool)
-    if options.moments is not None:
-        inside = options.moments.inside(times, moments.clock, name)
+    if options.time_range is not None:
+        inside = options.time_range.inside(times, moments.clock, name)
     kept: dict[str, NDArray[np.generic]] = {
         "raw": moments.value[inside],
         "times": times[inside],
@@ -432,7 +432,7 @@ class PartsSide:
         if self.marked is None:
             return reading
         found = self.marked(reading).trajectories
-        marks = {NOT_JUDGED: marks_of(found, NOT_JUDGED).astype(np.float64)}
+        marks = {NOT_COUNTED: marks_of(found, NOT_COUNTED).astype(np.float64)}
         return replace(reading, trajectories=replace(found, attributes=marks))
 
     def said(self, left_out: Mapping[str, int]) -> tuple[str, ...]:

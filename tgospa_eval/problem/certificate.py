@@ -59,15 +59,15 @@ class UnassignedPrices:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
     def prices(self, block: int) -> list[float]:
-        """The price of each object of a block at each step."""
-        found: list[float] = []
+        """Return the price of each object of a block at each step."""
+        prices: list[float] = []
         for (of_row, price), order in zip(self.sides, self.order, strict=True):
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
-            found += price[order[low:high]].tolist()
-        return found
+            prices += price[order[low:high]].tolist()
+        return prices
 
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
-        """Terms of the sum over some blocks of all prices but those of so many pairs each.
+        """Return terms of the sum over blocks of all prices but those of so many pairs each.
 
         Rounded down; for objects that are alike on either side.
         """
@@ -80,13 +80,13 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Cost of the truths and of the estimates that are in no block, rounded down."""
-    found = [0.0, 0.0]
+    """Return the cost of truths and of estimates that are in no block, rounded down."""
+    totals = [0.0, 0.0]
     for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
         if (unpaired := blocks < 0).any():
             price = side.price[unpaired[side.track]]
-            found[k] = float(lower_sums(price, np.array([0, len(price)]))[0])
-    return found[0], found[1]
+            totals[k] = float(lower_sums(price, np.array([0, len(price)]))[0])
+    return totals[0], totals[1]
 
 
 ROUNDOFF = 2.0**-53
@@ -136,19 +136,19 @@ def certify(
     weights, lower, breakdown = prove(states, solution, consume=consume)
     problem = states.problem
     upper = upper_cost(problem, breakdown)
-    least = lower_cost(problem, math.fsum((*lower.tolist(), *unpaired_prices(states))))
-    if least > upper:
+    bound = lower_cost(problem, math.fsum((*lower.tolist(), *unpaired_prices(states))))
+    if bound > upper:
         raise SolverError(
-            f"the proof contradicts itself, lower bound {least!r} and upper bound {upper!r} in "
+            f"the proof contradicts itself, lower bound {bound!r} and upper bound {upper!r} in "
             "units of c^p: please report this as a bug, with the two files"
         )
-    return Bounds(lower=least, upper=upper, rounding=problem.rounding), weights, breakdown
+    return Bounds(lower=bound, upper=upper, rounding=problem.rounding), weights, breakdown
 
 
 def prove(
     states: States, solution: Solution, *, consume: bool = False
 ) -> tuple[Ints, Floats, Breakdown]:
-    """What `certify` adds up, block by block.
+    """Compute what `certify` adds up, block by block.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def prove(
 
 
 def feasible(states: States, proposed: Floats) -> Ints:
-    """The feasible assignment (S,), in units of 1/ONE, made in the memory of the proposed one."""
+    """Return a feasible assignment (S,), in units of 1/ONE, in the memory of the proposed one."""
     given = np.require(proposed, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     for low, high in states.cuts(PART):
@@ -176,17 +176,17 @@ def feasible(states: States, proposed: Floats) -> Ints:
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """``L / (1 + delta)``: a lower bound in exact numbers, from one for the costs as they are.
+    """Return ``L / (1 + delta)``: a lower bound for exact costs, from one for computed costs.
 
     All costs and switch prices are right within delta = `cost_error`, relative, and the optimum is
     a minimum of sums of them with weights >= 0 (docs/theory/certificate.md, "Rounding").
     """
-    least = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
-    return max(least * (1 - 4 * ROUNDOFF), 0.0)
+    lower = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
+    return max(lower * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """``U (1 + 72 u) / (1 - delta)``, an upper bound of the exact cost: see `lower_cost`.
+    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound of the exact cost: see `lower_cost`.
 
     A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
     """
@@ -194,7 +194,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 
 
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
-    """Lower bound of the cost of the objects of each block, (B,), from any prices >= 0.
+    """Return a lower bound of the cost of the objects of each block, (B,), from prices >= 0.
 
     Where blocks were solved at smaller cutoffs (`reduce_cutoff`), it is the best of those.
     """
@@ -216,14 +216,14 @@ def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = 
 
 
 def fair_prices(prices: Floats) -> Floats:
-    """Prices that prove something: at least 0, and 0 for what is no number or too large."""
+    """Return prices that are valid for a proof: at least 0, and 0 for NaN and huge ones."""
     return np.where(prices <= LARGEST_PRICE, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
 
 
 def _bounds_of_prices(
     states: States, prices: Floats, objects: UnassignedPrices, low: int
 ) -> Floats:
-    """Lower bound of each block, from prices v >= 0, as in docs/theory/certificate.md.
+    """Return lower bounds of blocks from prices v >= 0, as in docs/theory/certificate.md.
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
@@ -232,7 +232,7 @@ def _bounds_of_prices(
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    left = np.ones(len(prices), np.int32)  # less one for each pair of the slot that is put aside
+    left = np.ones(len(prices), np.int32)  # one less for each pair of the slot that is put aside
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -267,7 +267,7 @@ def _bounds_of_prices(
 def row_terms(
     rows: States, running: tuple[Floats, Ints], left: Ints
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """What some rows add to a lower bound, by node, at prices given as `Slots.running`.
+    """Return terms of some rows in a lower bound, by node, at prices of `Slots.running`.
 
     One less is `left` where a pair is put aside.
 
@@ -289,13 +289,13 @@ def row_terms(
     relative, offset, best = relative_gains(rows, steps, price)
     values = best_values(rows, relative, steps, offset)
     aside = lower_sums(_put_aside(rows, steps, best, left), steps.first)
-    found = best >= 0
-    pairs = sum_parts(found.astype(np.float64), steps.first)
-    return values, aside, pairs, rows.entry[best[found]]
+    has_best = best >= 0
+    pairs = sum_parts(has_best.astype(np.float64), steps.first)
+    return values, aside, pairs, rows.entry[best[has_best]]
 
 
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
-    """Cost of the best pair of each row and step, 0 without; one less is `left` at its slot."""
+    """Return the cost of the best pair of each row and step, or 0; `left` decreases at its slot."""
     columns = rows.columns
     if kernels:
         cost: Floats = kernels.put_aside(
@@ -310,20 +310,20 @@ def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
             left,
         )
         return cost
-    found = best >= 0
-    state = best[found]
-    least = np.zeros(len(found))
-    least[found] = rows.problem.cost[rows.entry[state]]
+    has_best = best >= 0
+    state = best[has_best]
+    paid = np.zeros(len(has_best))
+    paid[has_best] = rows.problem.cost[rows.entry[state]]
     slot, end = columns.begin[state], columns.end[state]
     np.subtract.at(left, slot[end > slot], 1)
-    return least
+    return paid
 
 
 def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
-    """``-sum (left v)`` of each node, from above, in two halves, so that no sum overflows."""
+    """Return ``-sum (left v)`` of each node, rounded up, in two halves that do not overflow."""
     if kernels:
-        found: Floats = kernels.idle_prices(*running, left, first)
-        return found
+        prices: Floats = kernels.idle_prices(*running, left, first)
+        return prices
     unit, whole = running[0], np.diff(running[1])
     halves = whole & (HALF_WORD - 1), whole // HALF_WORD
     low, high = (np.diff(np.append(0, np.cumsum(half * left))[first]) for half in halves)
@@ -331,7 +331,7 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """``V(C) >= V(s C) + (1 - s) forced``, of bounds of the blocks at s C those of the whole, (B,).
+    """Return bounds of the whole, (B,), by ``V(C) >= V(s C) + (1 - s) forced`` from those at s C.
 
     See `reduce_cutoff`. 0 for blocks that `part` does not stand for.
     """
@@ -360,20 +360,20 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
 
 
 def home_blocks(states: States, inner: States) -> Ints:
-    """The block of the whole that each block at a smaller cutoff is a part of."""
+    """Return the block of the whole that contains each block at a smaller cutoff."""
     truth = np.empty(len(inner.block_begin), np.int64)
     truth[inner.pair_block] = inner.pair_truth
     return states.track_blocks[0][truth]
 
 
 def _in_chunks(terms: Floats) -> list[float]:
-    """Sums of TERMS_TOGETHER terms each."""
+    """Return sums of TERMS_TOGETHER terms each."""
     sums: list[float] = np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
     return sums
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:
-    """``W D``, ``A (1 - row sums)``, ``B (1 - column sums)`` and ``lambda |W' - W|`` by step.
+    """Return ``W D``, ``A (1 - row sums)``, ``B (1 - column sums)``, ``lambda |W' - W|`` by step.
 
     The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
     """
@@ -386,7 +386,7 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 
 
 def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
-    """`break_down` of parts of a problem that come one after the other in time, by the kernels.
+    """Break down parts of a problem that follow each other in time, by the kernels.
 
     The bounds are the first pair, row of the truths, row of the estimates and step of each part,
     and the end, (parts + 1,) each.
@@ -399,7 +399,7 @@ def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> I
 
 
 def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Breakdown:
-    """The cost of a part, of costs, numbers and variation by step, and terms of the total."""
+    """Return the breakdown of a part from costs, numbers and variation by step, and total terms."""
     localisation, missed, false, missed_count, false_count, variation = costs
     return Breakdown(
         localisation=localisation,
@@ -414,7 +414,7 @@ def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Br
 
 
 def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
-    """Costs, numbers and variation by step, and sums of some terms of the total each."""
+    """Return costs, numbers and variation by step, and partial sums of the total."""
     problem, steps = states.problem, states.problem.steps
     used, entry, whole = assigned(states, weights)
     paid = whole / ONE * problem.cost[entry]
@@ -438,7 +438,7 @@ LARGEST_SWITCH_PRICE = 1e100
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
-    """The problem of some blocks at the cutoff price `scale`, a power of 2, in units of that.
+    """Return the problem of some blocks at the cutoff price `scale`, a power of 2, in its units.
 
     Rows and tracks keep their numbers. All truths must have one price, and all estimates
     (`Problem.object_prices`).
@@ -462,12 +462,12 @@ def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
 
 
 def _entries(states: States, blocks: Mask) -> Ints:
-    """The entries of some blocks, in order."""
+    """Return the entries of some blocks, in order."""
     return np.sort(states.entry[states.states_of(blocks) & (states.entry >= 0)])
 
 
 def forced_cost(states: States, blocks: Mask) -> Floats:
-    """``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
+    """Return ``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
     nu_k is at most the size of any vertex cover of the near pairs (König).
     """
@@ -491,7 +491,7 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 
 
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
-    """Rows of either side that cover the near pairs of some blocks: of each pair at least one.
+    """Return rows of either side that cover the near pairs of some blocks.
 
     They belong to a largest matching, so they are as few as can be; that they cover is checked.
     """
@@ -506,24 +506,24 @@ def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
 
 
 def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Mask, Mask]:
-    """A least vertex cover of a bipartite graph by Konig's theorem: marks of either side."""
+    """Return a minimum vertex cover of a bipartite graph by Konig's theorem: marks of each side."""
     from scipy import sparse  # lazy: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    row, column = truth.astype(np.int32), estimate.astype(np.int32)  # no others before SciPy 1.15
+    row, column = truth.astype(np.int32), estimate.astype(np.int32)  # SciPy before 1.15 needs int32
     graph = sparse.csr_array(
         (np.ones(len(truth), np.int8), (row, column)), shape=(truths, estimates)
     )
     partner = maximum_bipartite_matching(graph, perm_type="column")
-    # Alternating paths from the truths without partner: along any pair, back along a matched one.
+    # Follow alternating paths from truths without partner: any pair there, a matched one back.
     reached = partner < 0
     paired = np.full(estimates, -1)
     paired[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
-    seen = np.zeros(estimates, bool)
+    visited = np.zeros(estimates, bool)
     while True:
-        fresh = np.unique(estimate[reached[truth] & ~seen[estimate]])
+        fresh = np.unique(estimate[reached[truth] & ~visited[estimate]])
         if not len(fresh):
-            return ~reached, seen
-        seen[fresh] = True
+            return ~reached, visited
+        visited[fresh] = True
         back = paired[fresh]
         reached[back[back >= 0]] = True

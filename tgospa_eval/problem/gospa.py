@@ -24,7 +24,7 @@ Switched = tuple[Floats, Floats]
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
-    """GOSPA (alpha = 2) of each step, exactly.
+    """Return the exact GOSPA (alpha = 2) of each step.
 
     GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
     c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
@@ -49,14 +49,14 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
 
 def _cheapest(problem: Problem) -> Iterator[Ints]:
-    """Entries of the cheapest assignment, component by component of the graph of near pairs."""
+    """Return entries of the cheapest assignment, by components of the graph of near pairs."""
     rows, columns = problem.truth_row, problem.estimate_row
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    unpaired = problem.pair_price  # costs keep digits that gains near 1 have lost
+    unpaired = problem.pair_price  # costs keep digits that gains near 1 lose
     losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
@@ -65,7 +65,7 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
 
 
 def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
-    """Which of these pairs to take: each loses less than `unpaired`, what two left ones lose.
+    """Choose pairs to assign: each costs less than `unpaired`, the cost of leaving both.
 
     Of all choices in which no row and no column is twice it is one that loses least.
     """
@@ -86,7 +86,7 @@ def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> In
 def _assign_sparse(
     row: Ints, column: Ints, loss: Floats, unpaired: float, shape: tuple[int, int]
 ) -> Ints:
-    """The same without a matrix of all pairs: each row may take a column of its own instead."""
+    """Choose pairs without a dense matrix: each row may take a column of its own instead."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
@@ -104,14 +104,14 @@ def _assign_sparse(
 
 
 def partners(problem: Problem, entries: Ints) -> Ints:
-    """Track of the estimate that each truth row is assigned to, -1 for none, (R_truth,)."""
+    """Return the estimate's track that each truth row is assigned to, -1 for none, (R_truth,)."""
     track = np.full(len(problem.truth_step), -1)
     track[problem.truth_row[entries]] = problem.estimate_track[problem.estimate_row[entries]]
     return track
 
 
 def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
-    """Switches into each step as Stone Soup counts them.
+    """Return switches into each step as Stone Soup counts them.
 
     Compared is the partner of a truth with the last one that was stored for it. Storing begins
     with the first estimate that it is assigned to; from then on "none" is stored as well. A step
@@ -121,16 +121,16 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
     reported[problem.estimate_step] = True
     order = _by_truth(problem)
     order = order[reported[problem.truth_step[order]]]
-    seen = np.cumsum(track[order] >= 0)
+    count = np.cumsum(track[order] >= 0)
     # Assignments of other truths before the first row of this one do not count.
     opens = np.diff(problem.truth_track[order], prepend=-1) != 0
-    before = np.where(opens, seen - (track[order] >= 0), 0)
-    order = order[seen > np.maximum.accumulate(before)]
+    before = np.where(opens, count - (track[order] >= 0), 0)
+    order = order[count > np.maximum.accumulate(before)]
     return _changes(problem, track, order, np.ones(max(len(order) - 1, 0), bool))
 
 
 def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
-    """Switches into each step as MathWorks describes them.
+    """Return switches into each step as MathWorks describes them.
 
     Compared are the partners of a truth at a step and at the step before, where it exists at both.
     A change counts 1, from or to "none" one half.
@@ -140,12 +140,12 @@ def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
 
 
 def _by_truth(problem: Problem) -> Ints:
-    """Truth rows sorted by (track, step)."""
+    """Return truth rows sorted by (track, step)."""
     return np.lexsort((problem.truth_step, problem.truth_track))
 
 
 def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switched:
-    """Changes from each row to the next one of the same truth, booked at the later step."""
+    """Return changes from each row to the next of the same truth, booked at the later step."""
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
     both = (after >= 0) & (before >= 0)

@@ -79,7 +79,7 @@ class Parameters:
 
     @property
     def recorded(self) -> dict[str, float]:
-        """By name, for documents; rho only where it makes another metric."""
+        """Parameters by name, for documents; rho only if it changes the metric."""
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
 
     @property
@@ -89,12 +89,12 @@ class Parameters:
 
     @property
     def unassigned_prices(self) -> tuple[float, float]:
-        """What a missed and a false target cost in units of c^p; they sum to 1 exactly."""
+        """Costs of a missed and a false object in units of c^p; they sum to 1 exactly."""
         missed = 1.0 - self.rho
         return missed, 1.0 - missed
 
     def in_words(self, unit: str | None = None) -> str:
-        """All of them as "c = 10 m, p = 2, gamma = 2 m"."""
+        """Format all parameters as "c = 10 m, p = 2, gamma = 2 m"."""
         after = f" {unit}" if unit else ""
         rho = "" if self.rho == 0.5 else f", rho = {self.rho:g}"
         return (
@@ -103,7 +103,7 @@ class Parameters:
         )
 
     def root(self, total: float) -> float:
-        """TGOSPA in state units of a total cost in units of c^p."""
+        """Return TGOSPA in state units from a total cost in units of c^p."""
         return float(self.cutoff * total ** (1 / self.order))
 
     @property
@@ -135,7 +135,7 @@ def tgospa_problem(
     last_place: float = 0.0,
     near: Mask | None = None,
 ) -> Problem:
-    """``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of pairs below the cutoff.
+    """Build ``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of near pairs.
 
     The LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
     `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
@@ -163,9 +163,9 @@ def tgospa_problem(
     is_small = (cost < SMALLEST_POWER) | (distance < SMALLEST_POWER)
     lifted = np.flatnonzero(is_small & (distance > 0)) if is_small.any() else ()
     if len(lifted):
-        least = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
-        cost[lifted] = np.maximum(cost[lifted], least)
-        slack = least * min(len(truth_step), len(estimate_step))
+        smallest = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
+        cost[lifted] = np.maximum(cost[lifted], smallest)
+        slack = smallest * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0) if near is None else near
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
@@ -194,7 +194,7 @@ def tgospa_problem(
 
 
 def _alike(price: float, size: int) -> Floats:
-    """A price so many times, in the memory of one, as by `np.broadcast_to`."""
+    """Repeat a price so many times in the memory of one, as `np.broadcast_to`."""
     return np.ndarray((size,), np.float64, np.array(price), strides=(0,))
 
 
@@ -215,13 +215,13 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
 
 
 def _cost_error(order: float, distance_error: float) -> float:
-    """``(1 + error of the distance + u)^p - 1 + 2 pi``, docs/theory/certificate.md, "Rounding"."""
+    """Return ``(1 + error of the distance + u)^p - 1 + 2 pi``, docs/theory/certificate.md."""
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
 
 
 def _price_error(parameters: Parameters) -> float:
-    """Relative error of the prices 1 - rho, rounded once, and 1 - (1 - rho), exact after that."""
+    """Return the relative error of the prices 1 - rho, rounded once, and 1 - (1 - rho), exact."""
     missed, false = parameters.unassigned_prices
     return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
@@ -235,17 +235,17 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
         lost = max(lost, penalty)
     if lost:
         what = "distance" if lost == farthest else "switch penalty"
-        most = math.pow(10.0, math.log10(lost) + 305 / order)
+        largest = math.pow(10.0, math.log10(lost) + 305 / order)
         raise ConfigError(
             f"cutoff {parameters.cutoff:g} is too large for order {order:g} and a {what} of "
             f"{lost:g}: the power of their ratio is below the smallest double; "
             f"{'set the penalty to 0, or ' if what == 'switch penalty' else ''}"
-            f"choose a cutoff of at most {most:.2g}"
+            f"choose a cutoff of at most {largest:.2g}"
         )
 
 
 # -------------------------------------------------------------------------------------------------
-# Other members of the metric family: a problem with the steps weighted, or objects that may exist.
+# Other members of the metric family: weighted steps, or objects with a probability of existence.
 #
 # One solver serves all: only the numbers A, B, D and lambda of a `Problem` change.
 
@@ -260,7 +260,7 @@ SMALLEST_COST = 1e-300
 
 
 def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
-    """What each step counts, as it is: the time-weighted metric (arXiv 2110.13444).
+    """Check the weights of steps, as of the time-weighted metric (arXiv 2110.13444).
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
 
 
 def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
-    """``A w(k), B w(k), D w(k), lambda w'(k)``: the same problem with its steps weighted.
+    """Return ``A w(k), B w(k), D w(k), lambda w'(k)``: the problem with its steps weighted.
 
     Pairs at steps of weight 0 have no gain and are left out.
     """
@@ -311,7 +311,7 @@ def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
 
 
 def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Problem:
-    """``A r, B s, D min(r, s) + |r - s| / 2``: objects that exist with a probability.
+    """Return ``A r, B s, D min(r, s) + |r - s| / 2``: objects that exist with a probability.
 
     The LP of the probabilistic metric (arXiv 2506.15148); `problem` has A = B = 1/2. Where all
     exist for certain it is the same problem, to the last bit.
@@ -344,7 +344,7 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
 
 
 def needs_symmetry() -> str:
-    """Message about other prices of missed and false targets."""
+    """Return the message that prices of missed and false objects must be equal."""
     return (
         f"{option('existence', 'use')} needs {option('rho', 0.5)}: with other prices of missed and "
         "false targets no proof is known that the result is a metric"
@@ -352,7 +352,7 @@ def needs_symmetry() -> str:
 
 
 def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
-    """``A w, B (1 - e), D w``: some truths are not judged, w = 0, some estimates excused, e = 1.
+    """Return ``A w, B (1 - e), D w``: w = 0 for ignored truths, e = 1 for excused estimates.
 
     An ignored truth takes one estimate at a time, which then costs nothing; an excused estimate
     costs nothing if it is unassigned. A pair of an ignored truth gains B (1 - e) wherever it is
@@ -369,8 +369,8 @@ def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
     """
     if not (ignored.any() or excused.any()):
         return problem
-    judged = (~ignored).astype(np.float64)
-    share = judged[problem.truth_row]
+    counted = (~ignored).astype(np.float64)
+    share = counted[problem.truth_row]
     changed = replace(
         problem,
         cost=problem.cost * share,
@@ -379,8 +379,8 @@ def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
         unjudged=(ignored, excused),
         signed=False,
     )
-    prices = problem.truth_price * judged, problem.estimate_price * ~excused
-    return _repriced(changed, *prices, changed.cost, error=0.0)  # products with 0 and 1
+    prices = problem.truth_price * counted, problem.estimate_price * ~excused
+    return _repriced(changed, *prices, changed.cost, error=0.0)  # products with 0 and 1 are exact
 
 
 def _repriced(
@@ -391,14 +391,14 @@ def _repriced(
     *,
     error: float = ROUNDED,
 ) -> Problem:
-    """With other prices and costs, and without the pairs that gain nothing any more.
+    """Return the problem with other prices and costs, without pairs that no longer gain.
 
     Those that gain less than rounding cost as much as being unassigned, within `error`, the
     relative error of the products.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)
-    most = min(len(problem.truth_step), len(problem.estimate_step))
+    count = min(len(problem.truth_step), len(problem.estimate_step))
     unassigned = truth_price[problem.truth_row] + estimate_price[problem.estimate_row]
     kept = np.flatnonzero(unassigned - cost > 0)
     return replace(
@@ -411,5 +411,5 @@ def _repriced(
         distance_power=None if problem.distance_power is None else problem.distance_power[kept],
         pair_share=None if problem.pair_share is None else problem.pair_share[kept],
         cost_error=problem.cost_error + error,
-        cost_slack=problem.cost_slack + (SMALLEST_COST * most if lifted.any() else 0.0),
+        cost_slack=problem.cost_slack + (SMALLEST_COST * count if lifted.any() else 0.0),
     )

@@ -18,17 +18,17 @@ SUMMANDS = 1024
 
 
 def up(value: Floats) -> Floats:
-    """The next larger doubles, in place: at least the exact results of one rounded operation."""
+    """Step to the next larger doubles, in place: at least the exact results of one operation."""
     return np.nextafter(value, np.inf, out=value)
 
 
 def down(value: Floats) -> Floats:
-    """The next smaller doubles, in place."""
+    """Step to the next smaller doubles, in place."""
     return np.nextafter(value, -np.inf, out=value)
 
 
 def lower_sums(value: Floats, first: Ints) -> Floats:
-    """Lower bounds of the sums of parts of values >= 0; part i begins at first[i].
+    """Return lower bounds of the sums of parts of values >= 0; part i begins at first[i].
 
     ``|computed - sum| <= (n - 1) 2^-53 sum`` of n terms >= 0, whatever the order; sums of chunks,
     and then of these, keep n small.
@@ -36,7 +36,7 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
         total, terms = sum_parts(value, first), size
-    else:  # chunks of each part by itself, so that its bound does not depend on the others
+    else:  # chunks within each part, so that its bound does not depend on other parts
         chunks = -(-size // SUMMANDS)
         of_part = np.concatenate(([0], np.cumsum(chunks)))
         number = np.arange(of_part[-1]) - np.repeat(of_part[:-1], chunks)
@@ -51,7 +51,7 @@ Gains = tuple[Floats, Floats, Ints]
 
 
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
-    """The gains of all states less their prices (S,), relative to the best pair of row and step.
+    """Return gains of states less their prices (S,), relative to the best pair of row and step.
 
     ``(G - v) - r``, ``r = max((A + B - D - v)_best, 0)``, as ``(D_best - D) + (v_best - v)`` and
     differences of A and B: these keep the digits that sums of gains near 1 lose. Every path of a
@@ -97,7 +97,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 
 
 def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
-    """`relative_gains`, those of runs apart."""
+    """Compute `relative_gains`, with those of runs separately."""
     problem, entry = states.problem, states.entry
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
@@ -111,14 +111,14 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
     else:
         base = problem.pair_price
     loss = cost + price - base
-    least = np.zeros(len(steps.step))
-    np.minimum.at(least, at, loss)
-    best = np.full(len(least), -1)
-    is_best = np.flatnonzero((loss == least[at]) & (loss < 0))
+    smallest = np.zeros(len(steps.step))
+    np.minimum.at(smallest, at, loss)
+    best = np.full(len(smallest), -1)
+    is_best = np.flatnonzero((loss == smallest[at]) & (loss < 0))
     best[at[is_best]] = is_best
     with np.errstate(invalid="ignore"):
         relative = up(up(cost[best][at] - cost) + up(price[best][at] - price))
-        for side in sides:  # what two pairs of objects cost if they are left unassigned differs
+        for side in sides:  # pairs of objects differ in what they cost unassigned
             relative = up(relative + up(side - side[best][at]))
         offset = np.broadcast_to(base, len(entry))[best]
         offset = down(down(down(offset) - cost[best]) - price[best])
@@ -130,7 +130,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
 
 
 def row_steps(states: States) -> Slots:
-    """The slots of the rows, with those of a single pair: the steps at which states begin."""
+    """Return the slots of rows, also of a single pair: the steps at which states begin."""
     rows, size = states.rows, np.diff(states.pair_first)
     single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
     if not single.any():
@@ -149,7 +149,7 @@ def row_steps(states: States) -> Slots:
 
 
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
-    """The states in the order of a Viterbi pass over all rows at once.
+    """Return the states in the order of a Viterbi pass over all rows at once.
 
     A turn takes the states that begin at the same step of their rows, counted in steps at which any
     begin. The states before them end there; those of the first turn open the window.
@@ -178,10 +178,10 @@ def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, 
 
 
 def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
-    """Order by (rank, place), and where the ranks 0, 1, 2, ... begin in it, and the end."""
+    """Return order by (rank, place), and where the ranks 0, 1, 2, ... begin in it, and the end."""
     count = int(rank.max(initial=-1)) + 1
     if count <= 1 << 16:
-        rank = rank.astype(np.uint16)  # sorted by radix
+        rank = rank.astype(np.uint16)  # NumPy sorts 16 bits by radix
     order = np.argsort(rank, kind="stable")
     return order, np.searchsorted(rank[order], np.arange(count + 1)).tolist()
 
@@ -189,7 +189,7 @@ def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
 def best_values(
     states: States, value: Floats, steps: Slots | None = None, offsets: Floats | None = None
 ) -> Floats:
-    """Upper bound of the value of the best path of each row, (nodes,): Viterbi over the states.
+    """Return an upper bound of the best path's value of each row, (nodes,), by Viterbi.
 
     ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
     + value_s`` of those that begin, and ``h = h - r``: h is the value at "none", r the offsets of
@@ -198,7 +198,7 @@ def best_values(
     steps = steps or row_steps(states)
     if kernels:
         one = isinstance(states.problem.switch_price, float)
-        found: Floats = kernels.upper_values(
+        values: Floats = kernels.upper_values(
             steps.begin,
             steps.first,
             states.pair_first,
@@ -208,12 +208,12 @@ def best_values(
             np.array([states.problem.switch_price]) if one else states.problem.switch_price_at,
             np.zeros(len(steps.step)) if offsets is None else offsets,
         )
-        return found
+        return values
     return _best_values(states, value, steps, offsets)
 
 
 def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | None) -> Floats:
-    """`best_values` without kernels."""
+    """Compute `best_values` without kernels."""
     bounds, order, pairs, rows = turns(states, steps)
     value = value[order]
     count = np.diff(steps.first)

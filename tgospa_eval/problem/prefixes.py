@@ -20,7 +20,7 @@ Offsets = tuple[Ints, Ints, Ints, Floats, Floats]
 
 
 def offsets(states: States) -> Offsets:
-    """The cheapest entry of each row and step that has one, and gains relative to it.
+    """Return the cheapest entry of each row and step, and gains relative to it.
 
     Returns
     -------
@@ -43,15 +43,15 @@ def offsets(states: States) -> Offsets:
     at = np.repeat(np.arange(len(opens)), np.diff(opens, append=len(key)))
     entry = states.entry[gaining].astype(np.intp)
     cost = problem.cost[entry]
-    least = np.minimum.reduceat(cost, opens) if len(opens) else cost
-    least_at = np.flatnonzero(cost == least[at])
-    cheapest = entry[least_at[np.flatnonzero(np.diff(at[least_at], prepend=-1))]]
-    gain = up(least[at] - cost)
+    smallest = np.minimum.reduceat(cost, opens) if len(opens) else cost
+    cheapest_at = np.flatnonzero(cost == smallest[at])
+    cheapest = entry[cheapest_at[np.flatnonzero(np.diff(at[cheapest_at], prepend=-1))]]
+    gain = up(smallest[at] - cost)
     bases = [side.price[side.row] for side in problem.sides]
     for base in bases:
         gain = up(gain + up(base[entry] - base[cheapest][at]))
     of_cheapest = [base[cheapest] for base in bases]
-    loss = np.maximum(down(down(of_cheapest[0] + of_cheapest[1]) - least), 0.0)
+    loss = np.maximum(down(down(of_cheapest[0] + of_cheapest[1]) - smallest), 0.0)
     relative = np.zeros(len(pair))
     relative[gaining] = gain
     step, node = np.divmod(key[opens], states.nodes)
@@ -60,7 +60,7 @@ def offsets(states: States) -> Offsets:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowMoves:
-    """What happens to rows, in order of time: states begin, prices are paid, offsets are lost.
+    """Events of rows in order of time: states begin, prices are paid, offsets are lost.
 
     Rows and pairs are those that `RowMoves.of` was given, numbered in order; times are any numbers
     from 0 on.
@@ -99,13 +99,13 @@ class RowMoves:
 
     @classmethod
     def of(
-        cls, states: States, found: Offsets, prices: Floats, since: Ints | None = None
+        cls, states: States, offsets: Offsets, prices: Floats, since: Ints | None = None
     ) -> "RowMoves":
-        """Of all states at prices (K,).
+        """Return the events of all states at prices (K,).
 
         Times are steps less `since` (T,), where that is given; what is before time 0 is left out.
         """
-        offset_step, offset_row, _, loss, relative = found
+        offset_step, offset_row, _, loss, relative = offsets
         steps = states.problem.steps
         time_of = np.arange(steps) - (np.zeros(steps, np.int64) if since is None else since)
         times = int(time_of.max(initial=-1)) + 1
@@ -124,7 +124,7 @@ class RowMoves:
         of_slot[:-1] = np.searchsorted(costly, np.arange(len(prices)))
         low, high = of_slot[slots.begin], of_slot[slots.end]
         slot = costly[concatenated(low, high - low)]
-        charged = np.repeat(pair, high - low)
+        paying = np.repeat(pair, high - low)
         paid_at = time_of[slots.step[slot]]
         by_time = np.argsort(paid_at, kind="stable")
         by_time = by_time[np.searchsorted(paid_at[by_time], 0) :]
@@ -142,7 +142,7 @@ class RowMoves:
             relative=relative[order],
             switch_price=states.problem.switch_price_at[states.begin[order]],
             charges=np.searchsorted(paid_at[by_time], edges),
-            charge_pair=charged[by_time],
+            charge_pair=paying[by_time],
             charge=prices[slot[by_time]],
             losses=np.searchsorted(lost_at[by_loss], edges),
             loss_row=np.searchsorted(rows, offset_row[by_loss]),
@@ -151,14 +151,14 @@ class RowMoves:
 
     @property
     def times(self) -> int:
-        """How many there are."""
+        """Number of times."""
         return len(self.begins) - 1
 
 
 def forward(
-    moves: RowMoves, unassigned: Floats, reached: Floats, others: Floats | None = None
+    moves: RowMoves, unassigned: Floats, reached: Floats, rest: Floats | None = None
 ) -> Iterator[Floats]:
-    """Upper bound of the best value of each row (R,), after each time; updates what it is given.
+    """Yield an upper bound of each row's best value (R,) after each time; arguments are updated.
 
     A run without gain may be left only where its next state begins.
 
@@ -168,7 +168,7 @@ def forward(
         What happens.
     unassigned, reached : (R,), (P,) float arrays
         Best value of each row at "none" before, and that of each pair.
-    others : (R,) float array, optional
+    rest : (R,) float array, optional
         Best value of each row in states to which nothing happens.
     """
     for time in range(moves.times):
@@ -189,15 +189,15 @@ def forward(
             spare[at[moves.gains[own]]] = 0.0
             np.copyto(reached, up(reached - spare), where=spare > 0)
             np.copyto(unassigned, up(unassigned - lose), where=lose > 0)
-            if others is not None:
-                np.copyto(others, up(others - lose), where=lose > 0)
+            if rest is not None:
+                np.copyto(rest, up(rest - lose), where=lose > 0)
         if len(at):
             reached[at] = up(reached[at] + moves.relative[own])
         if paid.stop > paid.start:  # a pair has one slot that begins here
             charging = moves.charge_pair[paid]
             reached[charging] = up(reached[charging] - moves.charge[paid])
         best = np.maximum(unassigned, np.maximum.reduceat(reached, moves.first))
-        yield best if others is None else np.maximum(best, others)
+        yield best if rest is None else np.maximum(best, rest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,7 +217,7 @@ class Cells:
 
     @classmethod
     def of_blocks(cls, states: States) -> "Cells":
-        """Of all blocks."""
+        """Return the cells of all blocks."""
         ends = np.cumsum(states.block_end - states.block_begin + 1, dtype=np.int64)
         return cls(
             first=np.concatenate((np.zeros(1, np.int64), ends)),
@@ -225,7 +225,7 @@ class Cells:
         )
 
     def of(self, block: Ints, step: Ints) -> Ints:
-        """Cells of blocks at steps."""
+        """Return the cells of blocks at steps."""
         return self.first[block] + (step - self.begin[block])
 
     @property
@@ -240,11 +240,11 @@ class Cells:
         return step
 
     def sums(self, block: Ints, step: Ints, value: Floats) -> Floats:
-        """For each cell the sum of the values of its block up to its step."""
+        """Return for each cell the sum of the values of its block up to its step."""
         return self.running(sum_by(self.of(block, step), value, int(self.first[-1])))
 
     def running(self, value: Floats) -> Floats:
-        """Running sums in each block.
+        """Return running sums in each block.
 
         Of values >= 0 they are off by as many units of rounding, relative, as there are terms, and
         no sum is touched by larger ones elsewhere.
@@ -269,12 +269,12 @@ class Cells:
 
 
 def _busiest(states: States) -> int:
-    """Most states that begin at one step, a bound of the terms that are added for it."""
+    """Return the largest number of states that begin at one step, a bound of its terms."""
     return int(np.bincount(states.begin, minlength=1).max())
 
 
 def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, Floats]:
-    """Cost of the assignment up to each step, by kind, (4, C), and the error of the sums."""
+    """Return the cost of the assignment up to each step, by kind, (4, C), and its error."""
     problem, pair = states.problem, states.pair
     block = states.pair_block[pair]
     gains = np.flatnonzero(states.entry >= 0)
@@ -332,12 +332,12 @@ class PrefixBounds:
 
     @classmethod
     def of(cls, states: States, weights: Ints, prices: Floats) -> "PrefixBounds":
-        """Of a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
+        """Return bounds by an assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
         cells = Cells.of_blocks(states)
         parts, off = costs_so_far(states, cells, weights)
         problem, slots, pair = states.problem, states.columns, states.pair
-        found = offsets(states)
-        offset_step, offset_row, offset_entry, _, _ = found
+        gains = offsets(states)
+        offset_step, offset_row, offset_entry, _, _ = gains
         offset_block = states.node_block[offset_row]
         total = cells.sums(offset_block, offset_step, problem.cost[offset_entry])
         size, exact = total.copy(), whole_prices(problem)
@@ -358,7 +358,7 @@ class PrefixBounds:
             cells=cells,
             parts=parts,
             error=off,
-            moves=RowMoves.of(states, found, prices),
+            moves=RowMoves.of(states, gains, prices),
             total=total,
             size=size,
             paid=cells.sums(states.node_block[slots.node], slots.step, prices),
@@ -366,7 +366,7 @@ class PrefixBounds:
         )
 
     def lower(self, cells: Ints, best: Floats, sizes: Floats, paid: Floats) -> Floats:
-        """Lower bounds of the least possible cost of some cells, 0 at least.
+        """Return lower bounds of the optimal cost of some cells, at least 0.
 
         Parameters
         ----------
@@ -383,7 +383,7 @@ class PrefixBounds:
         return lower
 
     def whole_lower(self, states: States) -> Floats:
-        """Lower bounds of all cells."""
+        """Return lower bounds of all cells."""
         cells, moves = self.cells, self.moves
         row_block = states.node_block[moves.rows]
         values = np.zeros((2, int(cells.first[-1])))
@@ -398,7 +398,7 @@ class PrefixBounds:
 
 
 def whole_prices(problem: Problem) -> bool:
-    """Whether sums and differences of unassigned prices are exact: multiples of a half."""
+    """Return whether sums of unassigned prices are exact, as they are multiples of a half."""
     return all(
         len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
         for side in problem.sides

@@ -18,14 +18,14 @@ from tgospa_eval.errors import ConfigError
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
-    """Sum of the values that share an index, (size,); added in the order given."""
+    """Return the sum of the values that share an index, (size,); added in the order given."""
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
 def sum_parts(value: Floats, first: Ints) -> Floats:
-    """Sum of each part of the values; part i begins at first[i] and ends before first[i + 1]."""
+    """Sum each part of the values; part i begins at first[i] and ends before first[i + 1]."""
     total: Floats = np.zeros(len(first) - 1)
-    filled = first[1:] > first[:-1]  # reduceat gives the value at hand for other parts
+    filled = first[1:] > first[:-1]  # reduceat returns a value for empty parts
     if filled.any():
         total[filled] = np.add.reduceat(value, first[:-1][filled])
     return total
@@ -43,7 +43,7 @@ class Objects:
     unjudged: Mask | None
 
     @property
-    def judged(self) -> Ints | slice:
+    def evaluated(self) -> Ints | slice:
         """Rows that cost something while they are unassigned."""
         return slice(None) if self.unjudged is None else np.flatnonzero(~self.unjudged)
 
@@ -117,7 +117,7 @@ class Problem:
         if (self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]).any():
             raise ConfigError("an entry pairs a truth and an estimate of different steps")
         if not (
-            (self._least_gain > 0 or (self.signed and self._least_gain > -np.inf))
+            (self._min_gain > 0 or (self.signed and self._min_gain > -np.inf))
             and -np.inf < self.cost.min(initial=0.0)
         ):
             raise ConfigError("gains must be positive and finite")
@@ -150,7 +150,7 @@ class Problem:
         )
 
     @property
-    def _least_gain(self) -> float:
+    def _min_gain(self) -> float:
         if self.pair_price is None:
             return float(self.gain.min(initial=np.inf))
         return self.pair_price - float(self.cost.max(initial=-np.inf))
@@ -182,7 +182,7 @@ class Problem:
         return None if self.object_prices is None else sum(self.object_prices)
 
     def weight(self, entry: Ints | slice) -> Floats | float:
-        """What the step of some entries counts, A + B: their cost is so many times (d / c)^p."""
+        """Return A + B of some entries: their cost is (d / c)^p times this."""
         if self.pair_price is not None:
             return self.pair_price
         first, second = self._prices(entry)
@@ -190,7 +190,7 @@ class Problem:
         return first
 
     def share(self, entry: Ints | slice) -> Floats | float:
-        """What (d / c)^p of some entries is multiplied by in their cost: A + B, or 2 min(A, B)."""
+        """Return the factor of (d / c)^p in the cost of some entries: A + B, or 2 min(A, B)."""
         if self.pair_share is not None:
             return self.pair_share[entry]
         if self.distance_power is None:
@@ -198,13 +198,13 @@ class Problem:
         return 2.0 * np.minimum(*self._prices(entry))
 
     def powers(self, entry: Ints | slice) -> Floats:
-        """(d / c)^p of some entries."""
+        """Return (d / c)^p of some entries."""
         if self.distance_power is None:
             return self.cost[entry] / self.weight(entry)
         return self.distance_power[entry]
 
     def mismatch(self, entry: Ints | slice) -> Floats | float:
-        """What some entries cost because one exists with more probability: |A - B|, or 0."""
+        """Return the cost of entries for unequal probabilities of existence: |A - B|, or 0."""
         if self.distance_power is None or self.unjudged is not None:
             return 0.0
         return np.abs(np.subtract(*self._prices(entry)))
@@ -216,11 +216,11 @@ class Problem:
 
     @property
     def gain(self) -> Floats:
-        """What assigning each pair saves, A + B - cost, (N,); small costs lose digits."""
+        """Gain of assigning each pair, A + B - cost, (N,); small costs lose digits."""
         return self.gains(slice(None))
 
     def gains(self, entry: Ints | slice) -> Floats:
-        """The gain of some entries."""
+        """Return the gain of some entries."""
         return self.weight(entry) - self.cost[entry]
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What solvers propose, what is proven of it, and an assignment as records of numbers."""
+"""Proposals of solvers, what is proven of them, and an assignment as records of numbers."""
 
 from collections.abc import Sequence
 from dataclasses import field
@@ -16,7 +16,7 @@ from tgospa_eval.problem.states import ONE, States, assigned, changes, spare
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
-    """What a solver proposes; nothing in it is trusted.
+    """Proposal of a solver; nothing in it is trusted.
 
     Parameters
     ----------
@@ -107,17 +107,17 @@ class Bounds(Interval):
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
     def within_rounding(self, gap: float) -> bool:
-        """Whether a wider bracket says no less, since the cost itself is one of rounding."""
+        """Return whether a wider bracket says as much, since the cost itself is rounded."""
         return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
-        """Whether the bracket is as narrow as `gap`, relative, or the cost is one of rounding."""
+        """Return whether the bracket is within the relative `gap`, or the cost within rounding."""
         return self.upper - self.lower <= gap * self.upper or self.upper <= self.rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Breakdown:
-    """Where the cost of a feasible assignment comes from, in units of c^p.
+    """Cost of a feasible assignment by cause, in units of c^p.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class Brackets:
     rounding: Floats
 
     def met(self, gap: float) -> Mask:
-        """As of `Bounds`, (N,)."""
+        """Return which brackets are met, as `Bounds.met`, (N,)."""
         narrow = self.upper - self.lower <= gap * self.upper
         met: Mask = narrow | (self.upper <= self.rounding)
         return met
@@ -204,7 +204,7 @@ class AssignedPairs:
 
     @classmethod
     def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
-        """Of rows with such columns, each its own entry."""
+        """Build the pairs from rows with such columns, each its own entry."""
         columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
         return cls(**columns, entry=np.arange(len(rows)))
 
@@ -227,14 +227,14 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Those of several evaluations of the same steps; None of none."""
+        """Join those of several evaluations of the same steps; None if there are none."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
 
     @property
     def totals(self) -> dict[str, float]:
-        """Of all steps, by the names of the JSON."""
+        """Totals of all steps, by their JSON names."""
         return {
             "truth_states": int(self.ignored.sum()),
             "absorbed": float(self.absorbed.sum()),
@@ -243,7 +243,7 @@ class Unjudged:
 
 
 def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
-    """What is not judged, if anything is, of a feasible assignment (S,)."""
+    """Return what a feasible assignment (S,) leaves uncounted; None if nothing."""
     problem = states.problem
     if problem.unjudged is None:
         return None
@@ -261,8 +261,8 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
     )
 
 
-def judged_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
-    """Rows of either side that other metrics count, by a feasible assignment (S,).
+def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
+    """Return rows of either side that other metrics count, by a feasible assignment (S,).
 
     Without ignored truths, the estimates that mostly follow one, and excused estimates that follow
     no truth.
@@ -273,15 +273,15 @@ def judged_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
     assert estimates.unjudged is not None
     _, entry, weight = assigned(states, weights)
     ignored = truths.unjudged[truths.row[entry]]
-    follows, judged = (
+    follows, matches = (
         2 * sum_by(estimates.row[entry[of]], weight[of].astype(float), len(estimates.step)) >= ONE
         for of in (ignored, ~ignored)
     )
-    return ~truths.unjudged, ~follows & (judged | ~estimates.unjudged)
+    return ~truths.unjudged, ~follows & (matches | ~estimates.unjudged)
 
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:
-    """Of a feasible assignment (S,), in units of 1/ONE."""
+    """Return the pairs of a feasible assignment (S,), in units of 1/ONE."""
     used, entry, weight = assigned(states, weights)
     order = np.argsort(entry, kind="stable")  # by step, truth, estimate
     used, pair = used[order], states.pair[used[order]]
@@ -316,7 +316,7 @@ class Switches:
 
 
 def read_switches(states: States, weights: Ints) -> Switches:
-    """Of a feasible assignment (S,), in units of 1/ONE."""
+    """Return the switches of a feasible assignment (S,), in units of 1/ONE."""
     state, amount = changes(states, weights)
     rises = weights[state] > weights[state - 1]
     pair = states.pair[state]
@@ -327,11 +327,11 @@ def read_switches(states: States, weights: Ints) -> Switches:
     first = np.flatnonzero(opens)
 
     def largest(chosen: Mask) -> Ints:
-        """Of each group the estimate of its first change that is chosen."""
+        """Return for each group the estimate of its first chosen change."""
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
-        found: Ints = track[np.minimum.reduceat(place, first)]
-        return found
+        estimates: Ints = track[np.minimum.reduceat(place, first)]
+        return estimates
 
     return Switches(
         step=step[order[first]],
@@ -344,7 +344,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerTrack:
-    """What each trajectory of a side contributes, in units of c^p.
+    """Contribution of each trajectory of a side, in units of c^p.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ class PerTrack:
 
 
 def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
-    """Of a feasible assignment (S,), in units of 1/ONE; side 0 are the truths, 1 the estimates."""
+    """Return contributions in a feasible assignment (S,); side 0 are truths, 1 estimates."""
     problem = states.problem
     objects, pair_track = problem.sides[side], states.pair_tracks[side]
     used, entry, weight = assigned(states, weights)

@@ -33,7 +33,7 @@ CROWD, FULL_SUM = 4000, 1 << 61
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
-    """``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
+    """Return ``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
 
     Part i begins at first[i]. Differences of the sums of integers are exact, even where the sum
     over all parts overflows, and a small sum never loses its digits to large values far away. With
@@ -50,7 +50,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
-    """Whether the weight of each state differs from that of the state before of its pair."""
+    """Return whether the weight of each state differs from its pair's state before."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
     differs[pair_first[:-1]] = False
@@ -96,7 +96,7 @@ class Slots:
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Which states, or which of the chosen ones, cover a slot that is marked (K,)."""
+        """Return which states, or chosen ones, cover a marked slot (K,)."""
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
         begin, end = self.begin, self.end
@@ -106,7 +106,7 @@ class Slots:
         return touching
 
     def sums(self, weight: Ints) -> Ints:
-        """Exact sum of the integer weights (S,) of the states over each slot, (K,).
+        """Return the exact sum of the integer weights (S,) of the states over each slot, (K,).
 
         Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
         up to FULL_SUM, and FULL_SUM above that.
@@ -119,24 +119,24 @@ class Slots:
 
     def _sums(self, weight: Ints) -> Ints:
         if kernels:
-            found: Ints = kernels.slot_sums(
+            sums: Ints = kernels.slot_sums(
                 self.first, self.begin, self.pair_first, self.pair_node, weight
             )
-            return found
+            return sums
         return self._accumulate(weight)
 
     def loads(self, weight: Floats | Mask) -> Floats:
-        """`sums` of weights that need not be whole; of booleans, how many are true."""
+        """Return `sums` of weights that need not be whole; of booleans, the count of true ones."""
         weight = weight.astype(np.float64, copy=False)
         if kernels:
-            found: Floats = kernels.slot_loads(
+            sums: Floats = kernels.slot_loads(
                 self.first, self.begin, self.pair_first, self.pair_node, weight
             )
-            return found
+            return sums
         return self._accumulate(weight)
 
     def _accumulate(self, weight: NDArray[Any]) -> NDArray[Any]:
-        """`sums` and `loads` without kernels."""
+        """Compute `sums` and `loads` without kernels."""
         total = np.zeros(len(self.step) + 1, weight.dtype)
         used = np.flatnonzero(weight)
         np.add.at(total, self.begin[used], weight[used])
@@ -144,17 +144,17 @@ class Slots:
         return np.cumsum(total, out=total)[:-1]
 
     def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
-        """`exact_running` of prices (K,), node by node."""
+        """Return `exact_running` of prices (K,), node by node."""
         return exact_running(price, self.first, floor=floor)
 
     def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
-        """Sum of the prices (K,) over the slots of each state, or of the chosen ones."""
+        """Return the sum of the prices (K,) over the slots of each state, or of the chosen ones."""
         return self.spans(self.running(price, floor=floor), chosen, floor=floor)
 
     def spans(
         self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
     ) -> Floats:
-        """`totals` where the running sums are known; with `floor` no sum is too large."""
+        """Return `totals` from known running sums; with `floor` no sum is too large."""
         unit, sums = running
         if kernels:
             total: Floats = kernels.spans(
@@ -170,7 +170,7 @@ class Slots:
 
 
 def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int) -> Slots:
-    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair."""
+    """Return the slots of nodes that several pairs share; `pair_node` is the node of each pair."""
     shared = np.bincount(pair_node, minlength=nodes) > 1
     if kernels:
         first, step, slot = kernels.slots(
@@ -272,11 +272,11 @@ class States:
         return self.pair_first[np.searchsorted(self.pair_block, blocks)]
 
     def pairs_of(self, chosen: Ints) -> Ints:
-        """Pairs of some states."""
+        """Return the pairs of some states."""
         return np.searchsorted(self.pair_first, chosen, side="right") - 1
 
     def states_of(self, blocks: Mask) -> Mask:
-        """Whether the block of each state is one of these, (S,)."""
+        """Return whether the block of each state is one of these, (S,)."""
         return np.repeat(blocks[self.pair_block], np.diff(self.pair_first))
 
     @property
@@ -285,7 +285,7 @@ class States:
         return self.pair_truth, self.pair_estimate
 
     def slots_of(self, blocks: Mask) -> Mask:
-        """Whether the block of each column slot is one of these, (K,)."""
+        """Return whether the block of each column slot is one of these, (K,)."""
         return np.repeat(blocks[self.node_block], np.diff(self.columns.first))
 
     @cached_property
@@ -310,7 +310,7 @@ class States:
         return self.gains(slice(None))
 
     def gains(self, chosen: Ints | slice) -> Floats:
-        """The gain of some states."""
+        """Return the gain of some states."""
         entry = self.entry[chosen]
         gain = np.zeros(len(entry))
         gains = places_of(entry >= 0)
@@ -318,7 +318,7 @@ class States:
         return gain
 
     def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
-        """Some pairs, of whole rows, and which states they are; of a slice copies little.
+        """Return some pairs, of whole rows, and which states they are; a slice copies little.
 
         Nodes, blocks and column slots keep their numbers.
         """
@@ -346,7 +346,7 @@ class States:
         return part, own
 
     def cuts(self, size: int) -> list[tuple[int, int]]:
-        """Ranges of blocks, for `between`, each but the last with at least `size` states."""
+        """Return ranges of blocks, for `between`, each but the last with at least `size` states."""
         blocks = len(self.block_begin)
         if 0 < len(self.begin) <= size:
             return [(0, blocks)]
@@ -359,7 +359,7 @@ class States:
         return cuts
 
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
-        """The blocks from `low` to before `high` as a problem of their own; copies little.
+        """Return the blocks from `low` to before `high` as a problem of their own; copy little.
 
         Its `rows` live as long as it does: the whole does not keep them, unless it is small.
 
@@ -400,12 +400,12 @@ class States:
 
 
 def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
-    """Smallest node of the component of each node, of a graph with the edges (a, b)."""
+    """Return the smallest node of each node's component, of a graph with edges (a, b)."""
     if kernels:
-        found: Ints = kernels.components(
+        first: Ints = kernels.components(
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
         )
-        return found
+        return first
     from scipy.sparse import coo_array  # lazy: importing it takes longer than most evaluations
     from scipy.sparse.csgraph import connected_components as labelled
 
@@ -426,7 +426,7 @@ SNAP_WHOLE = ONE * 1e-9
 
 
 def repair(states: States, weights: Floats) -> Ints:
-    """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    """Return a feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
     whole = np.empty(len(weights), np.int64)
     whole_weights(weights, whole)
     make_feasible(states, whole)
@@ -434,7 +434,7 @@ def repair(states: States, weights: Floats) -> Ints:
 
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
-    """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
+    """Return weights in units of 1/ONE, clipped and snapped, perhaps in the same memory."""
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
     fixed[fixed < SNAP_WHOLE] = 0
@@ -473,7 +473,7 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
-    """The states in parts of whole rows, about PART states each, and where they are.
+    """Return the states in parts of whole rows, about PART states each, and where they are.
 
     Rows do not depend on each other once prices are given. Nodes and column slots keep their
     numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
@@ -489,19 +489,19 @@ def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
 
 
 def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
-    """States with a near pair that is assigned, their entries, and how much of each."""
+    """Return states with an assigned near pair, their entries, and how much of each."""
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     return used, states.entry[used], weights[used]
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
-    """States whose weight differs from that of the state before, and by how much, as a fraction."""
+    """Return states whose weight differs from that of the state before, and the fraction."""
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
 
 
 def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
-    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE.
+    """Return what weights of entries leave of each row of a side, (R,), in units of 1/ONE.
 
     0 of rows that are not judged.
     """
@@ -547,7 +547,7 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
         *(graph[end][graph["pair_block"]] for end in ("block_begin", "block_end")),
         single=not isinstance(problem.switch_price, float),
     )
-    del pair_of, entry_step  # as long as the entries
+    del pair_of, entry_step  # these are as long as the entries
     columns = make_slots(
         begin, pair_first, graph["pair_column"], len(graph["node_block"]), problem.steps
     )
@@ -564,7 +564,7 @@ GRAPH = (
 
 
 def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, dict[str, Any]]:
-    """Pair of each entry, and the fields `GRAPH`."""
+    """Return the pair of each entry, and the fields `GRAPH`."""
     truth: Ints = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
     estimate: Ints = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
     if kernels:
@@ -604,7 +604,7 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
 
 
 def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Number the nodes block by block, rows first; block of each node, and the renamed pairs."""
+    """Renumber nodes block by block, rows first; return the block of each, and renamed pairs."""
     row_ids, row_at, row_of = np.unique(row, return_index=True, return_inverse=True)
     col_ids, col_at, col_of = np.unique(column, return_index=True, return_inverse=True)
     node_block = np.concatenate((block[row_at], block[col_at]))
@@ -616,9 +616,9 @@ def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Int
 
 
 def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
-    """First and last step with a gain of each block, (2, B); `block` is that of each entry."""
+    """Return the first and last step with a gain of each block, (2, B); `block` is by entry."""
     window = np.zeros((2, blocks), np.int32)
-    # Entries come in order of time: the last assignment to a place wins.
+    # Entries are in order of time, so the last assignment to a place wins.
     window[1][block] = step
     window[0][block[::-1]] = step[::-1]
     return window
@@ -627,14 +627,14 @@ def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
 def split_pairs(
     pair_of: Ints, step: Ints, first: Ints, last: Ints, *, single: bool
 ) -> tuple[Ints, Ints, Ints]:
-    """First state of every pair, begin and entry of every state, sorted by (pair, begin).
+    """Return each pair's first state, and begin and entry of states, sorted by (pair, begin).
 
     `pair_of`, `step` are those of each entry, in order of time; `first` and `last` the window of
     each pair. With `single` a run is one state for each step.
     """
     if kernels:
-        found: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
-        return found
+        split: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
+        return split
     order = np.argsort(pair_of, kind="stable")
     pair, step = pair_of[order], step[order]
     opens = np.ones(len(pair), bool)

@@ -70,7 +70,7 @@ def proof_tables(
             strict=True,
         )
     }
-    if compared.settings["distance"] not in CLOSED or compared.held is not None:
+    if compared.settings["distance"] not in CLOSED or compared.reports is not None:
         distance = parameters.cutoff * problem.powers(slice(None)) ** (1 / parameters.order)
         np.minimum(distance, math.nextafter(parameters.cutoff, 0.0), out=distance)  # all are near
         tracks = (side.track[side.row] for side in problem.sides)
@@ -457,7 +457,7 @@ def proof_parameters(
         "switch_penalty": repr(parameters.switch_penalty),
         **({} if parameters.rho == 0.5 else {"rho": repr(parameters.rho)}),
         **({} if problem.unjudged is None else {"masked": ", ".join(MARKS)}),
-        **({} if compared.held is None else {"held": repr(compared.held.period)}),
+        **({} if compared.reports is None else {"held": repr(compared.reports.period)}),
         "distance": settings["distance"],
         "columns": list(compared.columns),
         **{
@@ -483,7 +483,7 @@ def _claim(proof: PairProof) -> list[str]:
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
     relative = absolute = 0.0
-    if settings["distance"] not in CLOSED or proof.compared.held is not None:
+    if settings["distance"] not in CLOSED or proof.compared.reports is not None:
         least = float(problem.cost.min(initial=1.0, where=problem.cost > 0))
         relative = order * 2.0**-49 + abs(math.log(least)) * 2.0**-52
     elif settings["distance"] == "iou":

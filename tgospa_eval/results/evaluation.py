@@ -12,7 +12,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
@@ -148,7 +148,7 @@ class Evaluation(ABC):
     @property
     def messages(self) -> list[str]:
         """Messages beside the number: settings file, warnings, notices."""
-        return [*told(self.settings_file, self.warnings), *self.notices]
+        return [*messages_of(self.settings_file, self.warnings), *self.notices]
 
     @cached_property
     def scale(self) -> float:

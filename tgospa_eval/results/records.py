@@ -18,7 +18,7 @@ from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack, Reduced
 from tgospa_eval.problem.states import States
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.alignment import Held
+    from tgospa_eval.tracks.alignment import ClockReports
     from tgospa_eval.tracks.clouds import Clouds
 
 
@@ -325,7 +325,7 @@ class ComparedSides:
         and pictures.
     truth_clouds, estimate_clouds : Clouds, optional
         The particles.
-    held : Held, optional
+    reports : ClockReports, optional
         Reports of which the rows of the estimate are, on a common clock.
     """
 
@@ -339,7 +339,7 @@ class ComparedSides:
     estimate_covariance: Floats | None = None
     truth_clouds: "Clouds | None" = None
     estimate_clouds: "Clouds | None" = None
-    held: "Held | None" = None
+    reports: "ClockReports | None" = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

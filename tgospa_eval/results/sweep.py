@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.results.records import Columns, Json, json_text
 
 SWEEP_SCHEMA = "tgospa-eval/sweep/1"
@@ -97,7 +97,7 @@ class SweepEvaluation:
     @property
     def messages(self) -> list[str]:
         """Messages beside the numbers: settings file, warnings."""
-        return told(self.settings_file, self.warnings)
+        return messages_of(self.settings_file, self.warnings)
 
     @property
     def certified(self) -> bool:

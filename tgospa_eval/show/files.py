@@ -159,7 +159,7 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
             raise ConfigError(f"{subject} {folder}: is a file; name a folder")
         if not path.is_dir():
             _check_name(folder, subject)
-        elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
+        elif not force and not (kind and kind.owns(path)) and any(manifest.visible(path)):
             raise ConfigError(
                 f"{subject} {folder}: is not empty; name another folder, or {option('force', True)}"
             )

@@ -273,7 +273,7 @@ def _association_data(pairing: Pairing) -> PlotData:
         rows["error"] = np.where(lone, 1.0, distance / pairing.cutoff)
         if name == "truth" and pairing.gates is not None:
             rows["gate"] = pairing.gates
-        rows = by_track(rows, side.state, side.second_moments, side.clouds)
+        rows = by_track(rows, side.state, side.spread, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
         lost = lone * pairing.cutoff / 2
         values = {"localisation": distance, "unassigned": lost, "total": distance + lost}

@@ -22,12 +22,12 @@ class Solver(Protocol):
 
     @property
     def proves(self) -> bool:
-        """Whether it goes on until the proven bracket is as narrow as `gap`, and takes a start."""
+        """True if it goes on until the proven bracket is within `gap`; it takes a warm start."""
         return False
 
     @property
     def referee(self) -> bool:
-        """Whether it checks the others: it takes long, and none of their kernels."""
+        """True if it checks the others: it is slow, and uses none of their kernels."""
         return False
 
     @property
@@ -65,7 +65,7 @@ SOLVERS = {
 
 
 def solver_class(name: str) -> type[Solver]:
-    """The class of a solver.
+    """Return the class of a solver.
 
     Raises
     ------
@@ -77,12 +77,12 @@ def solver_class(name: str) -> type[Solver]:
     if name not in SOLVERS:
         raise ConfigError(f"no solver {quoted(name)}; there are {', '.join(SOLVERS)}")
     module, _, attribute = SOLVERS[name].partition(":")
-    found: type[Solver] = getattr(import_module(module), attribute)
-    return found
+    solver: type[Solver] = getattr(import_module(module), attribute)
+    return solver
 
 
 def as_solver(solver: str | Solver) -> Solver:
-    """A record of settings, of a name that with the default ones."""
+    """Return a record of settings, or that of a name with default settings."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not isinstance(solver, Solver):

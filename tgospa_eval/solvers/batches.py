@@ -58,7 +58,7 @@ of all."""
 
 
 def divisible_blocks(states: States) -> Ints:
-    """The blocks that are solved in windows: very large ones with rows that compete, over time.
+    """Return the blocks to solve in windows: very large and long ones with competing rows.
 
     With switch prices that vary a run is several states, with large ones windows do not know
     enough, and gains that may be negative are for other purposes: such problems are solved whole.
@@ -68,11 +68,11 @@ def divisible_blocks(states: States) -> Ints:
     allowed = isinstance(price, float) and 0 < price <= TIME_WINDOWS.highest_price
     if problem.signed or not allowed:
         return np.zeros(0, np.int64)
-    if len(states.begin) < TIME_WINDOWS.least:
+    if len(states.begin) < TIME_WINDOWS.min_states:
         return np.zeros(0, np.int64)
     steps = states.block_end - states.block_begin + 1
     long = steps >= TIME_WINDOWS.steps
-    large = np.diff(states.block_first) >= TIME_WINDOWS.least
+    large = np.diff(states.block_first) >= TIME_WINDOWS.min_states
     slots = sum_by(states.node_block, np.diff(states.columns.first), len(steps))
     return np.flatnonzero(large & long & ~states.transposed & (slots > 0))
 
@@ -123,8 +123,8 @@ class Division:
             if low < high
         ]
 
-    def cut(self, window: TimeWindow) -> States:
-        """The window as a problem of its own, of which the first step is 0."""
+    def problem_of(self, window: TimeWindow) -> States:
+        """Return the window as a problem of its own, whose first step is 0."""
         problem, (first, stop) = self.states.problem, window[2:]
         steps = first, stop
         own = slice(*np.searchsorted(self._step, steps).tolist())
@@ -169,7 +169,7 @@ class Division:
         self.done += 1
 
     def _homes(self, first: int, piece: States) -> Ints:
-        """Where each state of a window is in the block; of a run cut off, the run."""
+        """Return where each state of a window is in the block; for a run cut off, the run."""
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
         run = piece.entry < 0
@@ -184,7 +184,7 @@ class Division:
         return home
 
     def join(self) -> Floats:
-        """Weights of all states, feasible: runs that no window holds whole are filled in.
+        """Join feasible weights of all states; fill in runs that no window contains whole.
 
         A run between two gains costs nothing at the lesser weight of both, and frees most room
         there; at the ends of the block it costs nothing at the weight of its gain.
@@ -196,11 +196,11 @@ class Division:
         around = np.maximum(weights, 0.0)
         before = np.where(first[run], np.inf, around[run - 1])
         after = np.where(first[run + 1], np.inf, around[np.minimum(run + 1, len(around) - 1)])
-        most = np.minimum(before, after)
+        bound = np.minimum(before, after)
         known = weights[run] >= 0
         joined: Floats = around
-        joined[run] = np.where(known, np.minimum(weights[run], most), most)
-        seams = run[~known & (most > 0)]
+        joined[run] = np.where(known, np.minimum(weights[run], bound), bound)
+        seams = run[~known & (bound > 0)]
         _make_room(states, joined, seams)
         if any(_too_full(slots, joined).any() for slots in (states.rows, states.columns)):
             joined = repair(states, joined) / ONE
@@ -232,7 +232,7 @@ class TimeShares:
         self.threads, self.waiting = threads, 0
 
     def take(self) -> Limit:
-        """Until when the next of those that wait may go on."""
+        """Return the limit until which the next waiting window may go on."""
         waiting = max(self.waiting, 1)
         self.waiting -= 1
         if self.until is None:
@@ -268,10 +268,10 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
     length = states.end[runs] - states.begin[runs]
     for k in np.argsort(length, kind="stable").tolist():
         spans = [own[begin[k] : end[k]] for own, begin, end in room]
-        held = max(min(wanted[k], *(float(span.min(initial=1.0)) for span in spans)), 0.0)
-        weights[runs[k]] = held
+        kept = max(min(wanted[k], *(float(span.min(initial=1.0)) for span in spans)), 0.0)
+        weights[runs[k]] = kept
         for span in spans:
-            span -= held
+            span -= kept
 
 
 BATCH_STATES = 20_000
@@ -312,7 +312,7 @@ class BlockBatch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What came out of a batch.
+    """Answer of a batch.
 
     Parameters
     ----------
@@ -350,7 +350,7 @@ Trivial = Callable[[States, Floats, Floats], Ints]
 
 @dataclass(frozen=True)
 class Routine:
-    """What is done with each batch.
+    """Work on each batch.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ class BatchSolver(Solver):
     @property
     @abstractmethod
     def routine(self) -> Routine:
-        """What is done with each batch."""
+        """Work on each batch."""
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: WarmStart | None = None
@@ -421,7 +421,7 @@ def _solve_some(
     limit: Limit,
     warm_start: WarmStart | None,
 ) -> Solution:
-    """The wanted blocks batch by batch, and those of the others that are `quickly` solved.
+    """Solve the wanted blocks batch by batch, and other blocks that are `quickly` solved.
 
     Long blocks are batches of their own, which begin from what is found for windows of them.
     """
@@ -433,7 +433,7 @@ def _solve_some(
     if routine.resumes and warm_start is None and not limit.late():
         long = divisible_blocks(states)
         long = long[wanted[long] & ~quickly[long]]
-    cuts = _apart(states.cuts(BATCH_STATES), long)
+    cuts = _separated(states.cuts(BATCH_STATES), long)
     bracket = BracketProgress(states, cuts, limit.progress)
     divided: dict[int, Division] = {}
 
@@ -456,7 +456,7 @@ def _solve_some(
             progress=BatchProgress(bracket, number, part, weights[state], quickly[blocks]),
             warm_start=start,
         )
-        with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
+        with np.errstate(under="ignore"):  # each thread begins with default error handling
             answer = _answer(batch, routine)
             if limit.progress.watched and len(cuts) > 1:
                 batch.progress.finish()
@@ -466,9 +466,9 @@ def _solve_some(
     if len(long):
         shares = TimeShares(limit, routine.jobs or cores())
         inner = replace(routine, jobs=1, resumes=False)
-        for number, cut in enumerate(cuts):
-            if cut[0] in long:
-                divided[number] = Division(states.between(*cut)[0])
+        for number, span in enumerate(cuts):
+            if span[0] in long:
+                divided[number] = Division(states.between(*span)[0])
 
         def solve_window(number: int, window: TimeWindow) -> Answer:
             division = divided[number]
@@ -487,17 +487,17 @@ def _solve_some(
     last = list(divided)
     first: list[Callable[[], Answer]] = [*windows, *(partial(work, number) for number in whole)]
     threads = min(routine.jobs or cores(), len(first))
-    found = list(in_order(lambda task: task(), first, threads))
-    by_number = dict(zip(whole, found[len(windows) :], strict=True))
+    solved = list(in_order(lambda task: task(), first, threads))
+    by_number = dict(zip(whole, solved[len(windows) :], strict=True))
     by_number.update(zip(last, in_order(work, last, min(threads, len(last))), strict=True))
     answers = [by_number[number] for number in range(len(cuts))]
-    _book(stopwatch, [*found[: len(windows)], *answers], time.perf_counter() - begin)
+    _book(stopwatch, [*solved[: len(windows)], *answers], time.perf_counter() - begin)
 
     missing = sum(len(answer.open) for answer in answers)
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # What is reported, if batches ended differently: what kept one from being solved.
+    # If batches ended differently, report what kept one from being solved.
     ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
     worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
@@ -506,7 +506,7 @@ def _solve_some(
         status=worst.status,
         detail=worst.detail,
         unsolved=(missing, sum(len(a.left) for a in answers)) if missing else None,
-        iterations=sum(answer.iterations for answer in (*found[: len(windows)], *answers)),
+        iterations=sum(answer.iterations for answer in (*solved[: len(windows)], *answers)),
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
         disposable=True,
@@ -514,8 +514,8 @@ def _solve_some(
     )
 
 
-def _apart(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
-    """The cuts, further divided so that each of the long blocks is by itself."""
+def _separated(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
+    """Return the ranges divided further, so that each long block is by itself."""
     if not len(long):
         return cuts
     edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
@@ -527,18 +527,18 @@ def _solve_window(
 ) -> Answer:
     """Solve one window of a block, and keep its core; called from several threads."""
     watch, begin = Stopwatch(), time.perf_counter()
-    piece = division.cut(window)
+    piece = division.problem_of(window)
     every = np.ones(len(piece.block_begin), bool)
     preparation = time.perf_counter() - begin
     with np.errstate(under="ignore"):
-        found = _solve_some(piece, (every, ~every), routine, watch, shares.take(), None)
+        solution = _solve_some(piece, (every, ~every), routine, watch, shares.take(), None)
     begin = time.perf_counter()
-    division.take(window, piece, found.weights, found.prices)
+    division.take(window, piece, solution.weights, solution.prices)
     seconds = {name.removeprefix("solve/"): span for name, span in watch.spans.items()}
     preparation += time.perf_counter() - begin
     seconds["preparation"] = seconds.get("preparation", 0.0) + preparation
     return Answer(
-        iterations=found.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
+        iterations=solution.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
     )
 
 
@@ -551,7 +551,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
     tentative = bool(quickly.any())
-    if tentative:  # gains near 1 have lost the digits that decide
+    if tentative:  # gains near 1 lose the digits that decide
         batch.weights[states.states_of(quickly)] = 0.0
         batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
@@ -563,7 +563,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
         answer = replace(answer, open=np.flatnonzero(open_))
     begin = time.perf_counter()
     settle(states, batch.wanted, batch.weights)
-    spent = answer.seconds  # that of this answer alone
+    spent = answer.seconds  # the time of this answer only
     for name, seconds in (("rounding", time.perf_counter() - begin), ("preparation", preparation)):
         spent[name] = spent.get(name, 0.0) + seconds
     return answer
@@ -585,20 +585,20 @@ def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
 def _merge(
     states: States, cuts: list[tuple[int, int]], answers: list[Answer], weights: Floats
 ) -> tuple[dict[str, float], ...]:
-    """Histories side by side: costs add up, the last of a shorter one stays."""
-    found = [answer for answer in answers if answer.history]
+    """Merge histories side by side: costs add up, and the last of a shorter one stays."""
+    recorded = [answer for answer in answers if answer.history]
     merged: list[dict[str, float]] = []
-    if not found:
+    if not recorded:
         return ()
     problem = states.problem
     base = float(problem.truth_price.sum() + problem.estimate_price.sum())
-    for cut, answer in zip(cuts, answers, strict=True):
-        part, state, _ = states.between(*cut)
+    for span, answer in zip(cuts, answers, strict=True):
+        part, state, _ = states.between(*span)
         trivial = block_costs(part, weights[state]) - unassigned_costs(part)
         trivial[answer.left] = 0.0
         base += float(trivial.sum())
-    for k in range(max(len(answer.history) for answer in found)):
-        at = [answer.history[min(k, len(answer.history) - 1)] for answer in found]
+    for k in range(max(len(answer.history) for answer in recorded)):
+        at = [answer.history[min(k, len(answer.history) - 1)] for answer in recorded]
         merged.append(
             {
                 "sweep": max(check["sweep"] for check in at),

@@ -1,4 +1,4 @@
-"""What assignments cost block by block, and the largest switch price that matters."""
+"""Costs of assignments block by block, and the largest switch price that matters."""
 
 from functools import cached_property
 
@@ -14,13 +14,13 @@ SETTLED_FROM = 1000.0
 
 
 def price_cap(states: States) -> Floats:
-    """``2 L g`` of each block, (B,), L its steps, g its largest gain: higher prices are the same.
+    """Return ``2 L g`` of each block, (B,), L its steps, g its largest gain: more is the same.
 
     From (L - 1) g on no switch pays (docs/theory/reductions.md, "Switch price cap"). LP tolerances
     are absolute, so huge prices harm.
     """
-    most: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
-    return 2.0 * (states.block_end - states.block_begin + 1) * most
+    largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
+    return 2.0 * (states.block_end - states.block_begin + 1) * largest
 
 
 def settle(states: States, blocks: Mask, weights: Floats) -> None:
@@ -33,18 +33,18 @@ def settle(states: States, blocks: Mask, weights: Floats) -> None:
     if switch_price.max() < SETTLED_FROM or not blocks.any():
         return
     spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
-    least = np.array([switch_price[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
-    held = blocks & (least > price_cap(states)) & np.isfinite(least)
-    if not held.any():
+    smallest = np.array([switch_price[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
+    steady = blocks & (smallest > price_cap(states)) & np.isfinite(smallest)
+    if not steady.any():
         return
     length = (states.end - states.begin + 1).astype(np.float64)
     pair, pairs = states.pair, len(states.pair_row)
     mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length, pairs)
-    np.copyto(weights, mean[pair], where=states.states_of(held))
+    np.copyto(weights, mean[pair], where=states.states_of(steady))
 
 
 def unassigned_costs(states: States) -> Floats:
-    """Cost of each block if all its objects stay unassigned, (B,)."""
+    """Return the cost of each block if all its objects stay unassigned, (B,)."""
     blocks = len(states.block_begin)
     costs = zip(states.track_blocks, states.problem.unassigned_costs, strict=True)
     truths, estimates = (sum_by(of + 1, cost, blocks + 1)[1:] for of, cost in costs)
@@ -52,7 +52,7 @@ def unassigned_costs(states: States) -> Floats:
 
 
 def block_costs(states: States, weights: Floats) -> Floats:
-    """``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` of each block, (B,).
+    """Return ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` by block.
 
     Of a proposed assignment, once that is made feasible; objects without a pair are left out.
     """
@@ -60,7 +60,7 @@ def block_costs(states: States, weights: Floats) -> Floats:
 
 
 def feasible_costs(states: States, whole: Ints) -> Floats:
-    """`block_costs` of a feasible assignment (S,), in units of 1/ONE."""
+    """Return `block_costs` of a feasible assignment (S,), in units of 1/ONE."""
     problem, blocks = states.problem, len(states.block_begin)
     of_state = states.block
     used, entry, weight = assigned(states, whole)
@@ -76,13 +76,13 @@ def feasible_costs(states: States, whole: Ints) -> Floats:
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:
-    """Block by block the better of two proposed assignments."""
+    """Return block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(states.states_of(wins), second, first)
 
 
 # -------------------------------------------------------------------------------------------------
-# The bracket on the way: what is proven of each batch, and cheap bounds of the rest.
+# The bracket during the work: what is proven of each batch, and cheap bounds of the rest.
 #
 # Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 
@@ -118,42 +118,42 @@ class BracketProgress:
     def unassigned(self) -> Floats:
         """Cost of each batch if all its objects stay unassigned."""
         costs = unassigned_costs(self.states)
-        return np.array([costs[slice(*cut)].sum() for cut in self.cuts])
+        return np.array([costs[slice(*span)].sum() for span in self.cuts])
 
     @cached_property
-    def most(self) -> float:
+    def unassigned_total(self) -> float:
         """Cost of the whole if nothing is assigned."""
         return float(sum(side.price.sum() for side in self.states.problem.sides))
 
     def update(self, number: int, share: float, lower: float, upper: float) -> None:
-        """Of a batch: how much is done, and bounds of its cost less that of all unassigned."""
+        """Report how much of a batch is done, and bounds of its cost less the unassigned cost."""
         self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
         self.begun[number] = True
         if not self.progress.due:
             return
         lower = float(np.where(self.begun, self.lower, -self.unassigned).sum())
         self.progress.prove(
-            self.most * (1 - SUM_MARGIN) + lower,
-            self.most * (1 + SUM_MARGIN) + float(self.upper.sum()),
+            self.unassigned_total * (1 - SUM_MARGIN) + lower,
+            self.unassigned_total * (1 + SUM_MARGIN) + float(self.upper.sum()),
         )
         self.progress.done(float(self._sizes @ self.shares))
 
     def advance(self, number: int, share: float) -> None:
-        """Of a batch: how much is done, where nothing is proven yet."""
+        """Report how much of a batch is done, while nothing is proven."""
         self.shares[number] = share
         if self.progress.due:
             self.progress.done(float(self._sizes @ self.shares))
 
     @cached_property
     def _sizes(self) -> Floats:
-        """Of the batches, as shares of the whole."""
+        """Shares of the batches in the whole."""
         first = self.states.block_first[[0, *(high for _, high in self.cuts)]]
         sizes: Floats = np.diff(first) / max(len(self.states.begin), 1)
         return sizes
 
 
 class BatchProgress:
-    """What is known of one batch.
+    """Progress of one batch, and its bracket.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ class BatchProgress:
         unassigned: Floats,
         share: float,
     ) -> None:
-        """How much is done, and what is known of some blocks.
+        """Report how much is done, and bounds of some blocks.
 
         Width of the bracket, cost, and cost of leaving all unassigned are of all blocks, (B,). The
         blocks that are left out are trivial: their weights in the batch are the best.
@@ -195,11 +195,11 @@ class BatchProgress:
             self._pass_on(self.known, share)
 
     def advance(self, share: float) -> None:
-        """How much is done, where nothing is proven yet."""
+        """Report how much is done, while nothing is proven."""
         self.whole.advance(self.number, share)
 
     def finish(self) -> None:
-        """The batch is done."""
+        """Report that the batch is done."""
         none = np.zeros(len(self.quickly))
         unassigned = unassigned_costs(self.states) if self.quickly.any() else none
         self._pass_on(self.known or (none > 0, none, none, unassigned), 1.0)
@@ -214,7 +214,7 @@ class BatchProgress:
 
 
 def _gains(states: States, weights: Floats) -> Floats:
-    """What proposed weights gain in each block, (B,)."""
+    """Return what proposed weights gain in each block, (B,)."""
     block, blocks = states.block, len(states.block_begin)
     arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
     paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
@@ -222,7 +222,7 @@ def _gains(states: States, weights: Floats) -> Floats:
 
 
 def share_of_digits(width: float, cost: float, gap: float) -> float:
-    """How far a bracket has come on its way from the cost to the gap, 0 to 1, by its digits."""
+    """Return how far a bracket has come from the cost to the gap, 0 to 1, by its digits."""
     if width <= gap * cost:
         return 1.0
     if not 0.0 < width < cost or gap >= 1.0:

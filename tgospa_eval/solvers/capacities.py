@@ -35,7 +35,7 @@ class CapacityRows:
     of_slot: Ints
 
     def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Prices of the slots (k,) for new ones of the rows: a rise on the first, or all scaled.
+        """Return prices of the slots (k,) for new ones of the rows: a rise on the first, or scaled.
 
         `prices` (k,) are those that the slots had.
         """
@@ -48,9 +48,9 @@ class CapacityRows:
 
 
 def capacity_rows(
-    slots: Slots, chosen: Ints, held: Floats, prices: Floats | None = None
+    slots: Slots, chosen: Ints, fixed: Floats, prices: Floats | None = None
 ) -> CapacityRows:
-    """The constraints of the chosen states where `held` (S,) of the others use the slots up.
+    """Return constraints of the chosen states, where `fixed` (S,) of the others use slots.
 
     Neighbouring slots with the same states and the same room are one. Slots without a price (K,)
     that have room for their only state are left out.
@@ -58,12 +58,12 @@ def capacity_rows(
     begin, end = slots.begin[chosen], slots.end[chosen]
     state = np.flatnonzero(end > begin)
     begin, end = begin[state], end[state]
-    marked = np.zeros(len(held), bool)
+    marked = np.zeros(len(fixed), bool)
     marked[chosen[state]] = True
     covers = slots.loads(marked)
     slot = np.flatnonzero(covers)
     covers = covers[slot]
-    room = np.clip(1.0 - slots.loads(held)[slot], 0.0, 1.0)
+    room = np.clip(1.0 - slots.loads(fixed)[slot], 0.0, 1.0)
     edge = np.zeros(len(slots.step) + 1, bool)
     edge[begin] = edge[end] = edge[slots.first] = True
     fresh = edge[slot]

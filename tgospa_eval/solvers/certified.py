@@ -71,11 +71,11 @@ class Certified(BatchSolver):
         )
 
     def _ascend(self, batch: BlockBatch) -> Answer:
-        """Stages of sweeps, then programmes, until no bracket is wide."""
+        """Run stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
-        if near and batch.warm_start is not None:  # its prices prove more than none
+        if near and batch.warm_start is not None:  # the prices of a warm start prove more than none
             np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
@@ -92,11 +92,11 @@ class Certified(BatchSolver):
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
-        if near and len(batch.weights) >= TIME_WINDOWS.least:  # before sweeps of all states
-            programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
+        if near and len(batch.weights) >= TIME_WINDOWS.min_states:  # before sweeps of all states
+            programmes.run(PROGRAMMES.early, max_states=PROGRAMMES.early_states)
         iterations = _sweep(ascent, programmes, batch, near=near, unit=unit)
         if near:
-            programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
+            programmes.run(PROGRAMMES.resumed, max_states=PROGRAMMES.early_states)
         if programmes.crowd:
             programmes.run_crowd()
         if ascent.open_gap > PROGRAMMES.early_gap * ascent.open_cost:
@@ -130,7 +130,7 @@ def _try_steps(ascent: Ascent) -> float:
 def _sweep(
     ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool, unit: float
 ) -> int:
-    """Stages from hot to cold, small programmes between the cold ones; the number of sweeps.
+    """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
     `near` to the best prices, or up to changes of a `unit` below 1, the stages begin there.
     """
@@ -164,13 +164,13 @@ def _sweep(
         if programmes.crowd:
             continue
         if epsilon <= early_from and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
-            programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
+            programmes.run(PROGRAMMES.early, max_states=PROGRAMMES.early_states)
             programmes.run_nearby(PROGRAMMES.rounds[0])
     return sweeps
 
 
 def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
-    """Sweeps at one temperature, with working sets made anew until prices settle; their number."""
+    """Sweep at one temperature, with new working sets until prices settle; count the sweeps."""
     calm = ASCENT.calm if stage[0] > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):

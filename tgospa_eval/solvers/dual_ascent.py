@@ -21,7 +21,7 @@ from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
-LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
+LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
 
@@ -79,7 +79,7 @@ class Ascent:
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
-        price = states.problem.weight(slice(None))  # of all entries, or else of each
+        price = states.problem.weight(slice(None))  # one of all entries, or one of each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         self.layout = kernels.Layout(states, self.switch_price, *both)
         self.work, self.sweeping = 0, 0.0
@@ -93,8 +93,8 @@ class Ascent:
         self.dual, self.primal = self.brackets.dual, self.brackets.primal
         self.unassigned_cost = unassigned_costs(states)
         taken_off = sum_parts(self.layout.offset, self.layout.group_first)
-        self.most = self.brackets.most
-        self.most[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
+        self.base_cost = self.brackets.most
+        self.base_cost[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(len(prices))
         self.masses = np.zeros(len(weights), np.float32)
         self.mark(prices, 0.0)
@@ -118,7 +118,7 @@ class Ascent:
     @property
     def cost(self) -> Floats:
         """Cost of the best assignment of each block, (B,)."""
-        cost: Floats = np.maximum(self.most - self.primal, 0.0)
+        cost: Floats = np.maximum(self.base_cost - self.primal, 0.0)
         return cost
 
     @property
@@ -155,14 +155,14 @@ class Ascent:
         return wide
 
     def mark(self, prices: Floats, reach: float) -> None:
-        """`flags` of every state at the prices, and the value of the best assignment of each row.
+        """Set `flags` of every state at the prices, and the value of each row's best assignment.
 
         States with slack up to `reach` are near.
         """
         self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> Mask:
-        """Which states were marked with a flag last, (S,)."""
+        """Return which states were last marked with a flag, (S,)."""
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
@@ -210,23 +210,23 @@ class Ascent:
         chain.write_masses(self.masses, self.flags)
         chain.cool(epsilon)
         chain.write_prices(self.soft)
-        del chain  # the largest array of all
+        del chain  # the chain is the largest array
         rounded = time.perf_counter()
         self.brackets.round(2)
-        judged = time.perf_counter()
-        for cut in ASCENT.thresholds:
-            if not self.brackets.try_above(self.soft, cut * epsilon, self.wanted_gap):
+        checked = time.perf_counter()
+        for share in ASCENT.thresholds:
+            if not self.brackets.try_above(self.soft, share * epsilon, self.wanted_gap):
                 break
         else:
             self._thin_out()
         end = time.perf_counter()
         self.seconds["sweeps"] += rounded - begin
-        self.seconds["rounding"] += judged - rounded
-        self.seconds["bounds"] += end - judged
+        self.seconds["rounding"] += checked - rounded
+        self.seconds["bounds"] += end - checked
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Where mostly rounding keeps a bracket wide: try prices only where two states compete.
+        """Try prices only where two states compete, as mostly rounding keeps a bracket wide.
 
         A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
@@ -236,23 +236,23 @@ class Ascent:
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
-        """The chain of the working set; of a smaller one where it would be too long."""
-        most = max(LINKS_EACH * len(self.states.begin), FEWEST_LINKS)
+        """Return the chain of the working set, or of a smaller one if it would be too long."""
+        max_links = max(LINKS_EACH * len(self.states.begin), FEWEST_LINKS)
         while True:
             self.brackets.choose(self.soft, threshold)
-            chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, most)
-            if chain.links <= most:
+            chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, max_links)
+            if chain.links <= max_links:
                 return chain
-            if threshold < LEAST_THRESHOLD:  # so many tie that no smaller set is in sight
-                most = chain.links
+            if threshold < MIN_THRESHOLD:  # so many tie that no smaller set is in sight
+                max_links = chain.links
             threshold *= 0.5
 
     def full(self) -> Mask:
-        """Whether the best assignment uses each column slot up, (K,)."""
+        """Return whether the best assignment uses each column slot up, (K,)."""
         return self.states.columns.loads(self.weights) > 1 - 1e-9
 
     def near(self, also: Mask) -> Mask:
-        """States that a programme may have to decide, after `mark`, (S,).
+        """Return states that a programme may have to decide, after `mark`, (S,).
 
         Near are the states within its reach, those in use and those in `also`. Where a row
         has one of them only, and cannot well do without, it is decided.
@@ -269,14 +269,14 @@ class Ascent:
         return near
 
     def within(self, near: Mask, steps: Mask) -> Mask:
-        """Those of the states that last through one of the steps (T,)."""
+        """Return those of the states that last through one of the steps (T,)."""
         count = np.concatenate(([0], np.cumsum(steps)))
-        found = near.copy()
-        found &= count[self.states.end + 1] > count[self.states.begin]
-        return found
+        lasting = near.copy()
+        lasting &= count[self.states.end + 1] > count[self.states.begin]
+        return lasting
 
     def losses(self, prices: Floats) -> Floats:
-        """The identity of the gap for the best weights, in the open blocks by step, (T,).
+        """Return the gap of the best weights by step, in the open blocks, (T,).
 
         The regret of a row counts at the step from which on it cannot be avoided.
         """
@@ -289,7 +289,7 @@ class Ascent:
         return lost[:-1]
 
     def undecided(self, near: Mask) -> tuple[Ints, Ints]:
-        """Those of the states near that have to be decided, and the component of each.
+        """Return the near states that are not decided, and the component of each.
 
         They fall apart into components through shared slots and transitions; wanted are those with
         a seed, where a term of the identity of the gap is not 0.
@@ -302,7 +302,7 @@ class Ascent:
         return free[wanted], component[wanted]
 
     def _seeds(self, free: Ints) -> Mask:
-        """Which of the free states show that the gap is open."""
+        """Return which of the free states show that the gap is open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
         rows = self.layout.rows
@@ -321,7 +321,7 @@ class Ascent:
         return seed
 
     def _components(self, free: Ints) -> Ints:
-        """A number for each of the free states, the same where they hang together."""
+        """Return a number for each free state, the same for connected ones."""
         s = self.states
         pair = s.pairs_of(free)
         size = len(free)
@@ -335,5 +335,5 @@ class Ascent:
             one.append(np.repeat(np.arange(size), length))
             other.append(nodes + concatenated(begin, length))
             nodes += len(slots.step)
-        found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
-        return found[:size]
+        component = connected_components(np.concatenate(one), np.concatenate(other), nodes)
+        return component[:size]

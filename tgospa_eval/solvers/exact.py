@@ -77,7 +77,7 @@ class Exact(BatchSolver):
 
 
 def _solve_blocks(batch: BlockBatch) -> Answer:
-    """The blocks of a batch, one by one."""
+    """Solve the blocks of a batch, one by one."""
     states, blocks = batch.states, np.flatnonzero(batch.wanted).tolist()
     failures: list[tuple[Status, str]] = []
     open_blocks: list[int] = []
@@ -94,7 +94,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
         if programme is not None:
             given = batch.weights[state], batch.prices[slot]
             late = status == batch.limit.status
-            batch.weights[state], batch.prices[slot] = _found(programme, part, given, late=late)
+            batch.weights[state], batch.prices[slot] = _read(programme, part, given, late=late)
     settle(states, batch.wanted, batch.weights)
     # An interior point leaves a little of everything everywhere, at full price.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
@@ -120,41 +120,41 @@ def _solve_block(
         return limit.status, "", 0, None
     try:
         begin = time.perf_counter()
-        programme = limit.progress.apart(lambda: _build(part))
+        programme = limit.progress.in_thread(lambda: _build(part))
         built = time.perf_counter()
         seconds["build"] += built - begin
         if _short(batch, factor):
             return limit.status, "", 0, None
         left = limit.left()
-        # It looks at the clock after an iteration only, each of which takes a factorisation.
+        # Clarabel checks the time only after an iteration, each of which takes a factorisation.
         until = None if left is None else left - 0.5 * factor
-        status, detail, steps = limit.progress.apart(lambda: _solve(programme, until))
+        status, detail, steps = limit.progress.in_thread(lambda: _solve(programme, until))
         seconds["lp"] += time.perf_counter() - built
-    except StoppedError:  # Clarabel cannot be stopped, but left behind
+    except StoppedError:  # Clarabel cannot be stopped: its thread goes on
         return limit.status, "", 0, None
     return limit.status if status == Status.LATE else status, detail, steps, programme
 
 
-def _found(
+def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Weights and prices of a block that Clarabel has found, instead of those given."""
+    """Return weights and prices of a block by Clarabel, or the given ones."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:
         weights = variables.value
     if columns is not None and columns.dual_value is not None:
         none = np.zeros(len(priced.slot))
-        found = np.zeros(len(part.columns.step))
-        found[priced.slot] = priced.spread(np.maximum(columns.dual_value, 0.0), none)
+        duals = np.zeros(len(part.columns.step))
+        duals[priced.slot] = priced.spread(np.maximum(columns.dual_value, 0.0), none)
         # Prices of an iteration on the way may prove less than none.
-        if not late or dual_values(part, found) < dual_values(part, 0 * found):
-            prices = found
+        if not late or dual_values(part, duals) < dual_values(part, 0 * duals):
+            prices = duals
     return weights, prices
 
 
 def _seconds(states: States) -> tuple[float, float]:
-    """About how long import and compilation take, and a factorisation by Clarabel."""
+    """Estimate the seconds of import and compilation, and of a factorisation by Clarabel."""
     size = len(states.begin)
     width = size / max(len(np.unique(states.begin)), 1)
     begun = 0.0 if "cvxpy" in sys.modules else IMPORT
@@ -162,7 +162,7 @@ def _seconds(states: States) -> tuple[float, float]:
 
 
 def _short(batch: BlockBatch, seconds: float) -> bool:
-    """Whether fewer seconds are left."""
+    """Return whether fewer seconds are left."""
     left = batch.limit.left()
     return left is not None and left < seconds
 
@@ -196,7 +196,7 @@ def _build(states: States) -> Programme:
         )
         constraints.append(matrix @ weights <= 1 if count else None)
     problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])
-    problem.get_problem_data(cp.CLARABEL)  # compiled here, and kept: solving is Clarabel alone
+    problem.get_problem_data(cp.CLARABEL)  # compiling it here leaves only Clarabel's time
     return problem, weights, constraints[-1], priced
 
 

@@ -63,26 +63,26 @@ def solve_at_fitting_cutoffs(
     """
     scale = fitting_scales(states)
     far = scale < 1
-    found = base(states, ~far, far)
-    missing = found.missing
+    solution = base(states, ~far, far)
+    missing = solution.missing
     doubtful = (scale < DOUBTFUL) & ~missing
     if doubtful.any():
-        cost = block_costs(states, found.weights)
-        width = cost - lower_bounds(states, found.prices)
+        cost = block_costs(states, solution.weights)
+        width = cost - lower_bounds(states, solution.prices)
         missing = missing | (doubtful & (width > max(gap, PROOF_ROUNDING) * cost))
-        found = replace(found, missing=missing)
+        solution = replace(solution, missing=missing)
     if not missing.any() or states.problem.pair_price is None:
-        return found
-    scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
+        return solution
+    scale = np.where(scale < 1, scale, _scales_of_costs(states, solution.weights))
     if not (missing & (scale < 1)).any():
-        return found
-    ladder = _Ladder(states, found, base, gap, limit, step)
+        return solution
+    ladder = _Ladder(states, solution, base, gap, limit, step)
     ladder.climb(np.where(missing, scale, 1.0))
     return ladder.solution()
 
 
 def fitting_scales(states: States) -> Floats:
-    """A cutoff price for each block, as a fraction of c^p, a power of 2; 1 where c^p is no other.
+    """Return a cutoff price for each block, as a fraction of c^p, a power of 2; 1 by default.
 
     ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit"): there
     an object may be left out, but not for nothing.
@@ -92,61 +92,61 @@ def fitting_scales(states: States) -> Floats:
     if problem.pair_price is None or not len(problem.cost):
         return np.ones(blocks)
     # Truths alone often show that no cutoff is far.
-    most = _largest_least_costs(states)
-    if (CUTOFF_ROOM * most > FAR_CUTOFF).all():
+    costs = _largest_cheapest_costs(states)
+    if (CUTOFF_ROOM * costs > FAR_CUTOFF).all():
         return np.ones(blocks)
     for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
-        least = np.full(len(side.track), np.inf)
-        np.minimum.at(least, side.row, problem.cost)
-        near = np.flatnonzero(least < np.inf)
-        np.maximum.at(most, blocks_of[side.track[near]], least[near])
-    # Where all have a pair that costs nothing, the first cost that is any is tried.
-    least = np.full(blocks, np.max(problem.switch_price, initial=0.0))
-    least[least == 0] = np.inf
+        small = np.full(len(side.track), np.inf)
+        np.minimum.at(small, side.row, problem.cost)
+        near = np.flatnonzero(small < np.inf)
+        np.maximum.at(costs, blocks_of[side.track[near]], small[near])
+    # If all have a pair that costs nothing, try the first positive cost.
+    small = np.full(blocks, np.max(problem.switch_price, initial=0.0))
+    small[small == 0] = np.inf
     first = states.block_first
-    for block in np.flatnonzero(most == 0).tolist():
+    for block in np.flatnonzero(costs == 0).tolist():
         entry = states.entry[first[block] : first[block + 1]]
         cost = problem.cost[entry[entry >= 0]]
-        least[block] = min(least[block], cost.min(where=cost > 0, initial=np.inf))
-    return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR_CUTOFF)
+        small[block] = min(small[block], cost.min(where=cost > 0, initial=np.inf))
+    return _powers(np.where(costs > 0, costs, np.where(small < np.inf, small, 0.0)), FAR_CUTOFF)
 
 
-def _largest_least_costs(states: States) -> Floats:
-    """Of the least cost of each truth at each step the largest of its block, (B,)."""
+def _largest_cheapest_costs(states: States) -> Floats:
+    """Return the largest of the cheapest costs of truths at steps, by block, (B,)."""
     problem, blocks_of = states.problem, states.track_blocks[0]
     row, track = problem.truth_row, problem.truth_track
-    most = np.zeros(len(states.block_begin))
+    largest = np.zeros(len(states.block_begin))
     first = np.concatenate(([0], places_of(row[1:] != row[:-1]) + 1))  # entries are in order
-    np.maximum.at(most, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
-    return most
+    np.maximum.at(largest, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
+    return largest
 
 
 def _scales_of_costs(states: States, weights: Floats) -> Floats:
-    """The same from the largest cost of an assignment in each block."""
+    """Return scales from the largest cost of an assignment in each block."""
     problem = states.problem
     used = np.flatnonzero((states.entry >= 0) & (weights > 0.01))
-    most = np.zeros(len(states.block_begin))
+    largest = np.zeros(len(states.block_begin))
     block = states.pair_block[states.pairs_of(used)]
-    np.maximum.at(most, block, problem.cost[states.entry[used]])
-    return _powers(most, NEAR_CUTOFF)
+    np.maximum.at(largest, block, problem.cost[states.entry[used]])
+    return _powers(largest, NEAR_CUTOFF)
 
 
-def _powers(most: Floats, largest: float) -> Floats:
-    """The next power of 2 above CUTOFF_ROOM times each cost; 1 beyond the largest, or for 0."""
-    scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(most, 1.0))[1])
-    return np.where((most > 0) & (scale <= largest), scale, 1.0)
+def _powers(costs: Floats, largest: float) -> Floats:
+    """Return the power of 2 above CUTOFF_ROOM times each cost; 1 beyond the largest, or for 0."""
+    scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(costs, 1.0))[1])
+    return np.where((costs > 0) & (scale <= largest), scale, 1.0)
 
 
 class _Ladder:
-    """Cutoffs that grow until they fit, and the best that was found on the way."""
+    """Growing cutoffs until they fit, and the best solution on the way."""
 
     def __init__(
-        self, states: States, found: Solution, base: Base, gap: float, limit: Limit, step: float
+        self, states: States, first: Solution, base: Base, gap: float, limit: Limit, step: float
     ) -> None:
-        self.states, self.found, self.base = states, found, base
+        self.states, self.first, self.base = states, first, base
         self.gap, self.limit, self.step = gap, limit, step
-        self.weights, self.prices = found.weights, found.prices
-        self.missing, self.iterations = found.missing.copy(), found.iterations
+        self.weights, self.prices = first.weights, first.prices
+        self.missing, self.iterations = first.missing.copy(), first.iterations
         self.cost = block_costs(states, self.weights)
         self.lower = np.full(len(self.cost), -np.inf)
         self.parts: list[Reduced] = []
@@ -167,11 +167,11 @@ class _Ladder:
                 pending &= ~last
 
     def solution(self) -> Solution:
-        """Everything that was found."""
+        """Return the solution of all blocks."""
         count = int(self.missing.sum())
         late = self.limit.status if self.limit.late() else Status.NOT_SOLVED
         return replace(
-            self.found,
+            self.first,
             weights=self.weights,
             prices=self.prices,
             status=late if count else Status.SOLVED,
@@ -188,41 +188,41 @@ class _Ladder:
         """Solve at one smaller cutoff; where no larger one would do better."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
-        found = solve_at_fitting_cutoffs(
+        solution = solve_at_fitting_cutoffs(
             reduced, self.base, gap=self.gap, limit=self.limit, step=step
         )
-        self.iterations += found.iterations
-        whole = repair(reduced, found.weights)
+        self.iterations += solution.iterations
+        whole = repair(reduced, solution.weights)
         warm_start = make_warm_start(
-            states, (save_solution(reduced, whole, scale * found.prices),), (1.0,)
+            states, (save_solution(reduced, whole, scale * solution.prices),), (1.0,)
         )
-        part = Reduced(states=reduced, blocks=chosen, scale=scale, solution=found)
+        part = Reduced(states=reduced, blocks=chosen, scale=scale, solution=solution)
 
         blocks, home = len(chosen), home_blocks(states, reduced)
         rest = of_whole(states, part, np.zeros(len(home)))
-        inner = lower_bounds(reduced, found.prices, found.reduced)
+        inner = lower_bounds(reduced, solution.prices, solution.reduced)
         lower = rest + scale * sum_by(home, inner, blocks)
-        own = rest + scale * sum_by(home, block_costs(reduced, found.weights), blocks)
+        own = rest + scale * sum_by(home, block_costs(reduced, solution.weights), blocks)
         self._take(chosen, warm_start.weights[0], warm_start.prices)
         self._prove(chosen & (lower > self.lower), lower, part)
         width = self.cost - self.lower
         met = width <= self.gap * self.cost
-        missing = sum_by(home, found.missing.astype(np.float64), blocks) > 0
+        missing = sum_by(home, solution.missing.astype(np.float64), blocks) > 0
         self.missing[chosen] = missing[chosen]
-        # What is open at the smaller cutoff alone stays open at any.
+        # If the smaller cutoff alone leaves it open, any larger one does too.
         fits: Mask = met | (own - lower > 0.5 * width)
         return fits
 
     def _solve_directly(self, chosen: Mask) -> None:
         """Solve at the cutoff as it is."""
-        found = self.base(self.states, chosen, np.zeros_like(chosen))
-        self.iterations += found.iterations
-        prices = np.where(self.states.slots_of(chosen), found.prices, 0.0)
+        whole = self.base(self.states, chosen, np.zeros_like(chosen))
+        self.iterations += whole.iterations
+        prices = np.where(self.states.slots_of(chosen), whole.prices, 0.0)
         lower = lower_bounds(self.states, prices)
         wins = chosen & (lower > self.lower)
-        self._take(chosen, found.weights, np.where(self.states.slots_of(wins), prices, self.prices))
+        self._take(chosen, whole.weights, np.where(self.states.slots_of(wins), prices, self.prices))
         self._prove(wins, lower, None)
-        self.missing[chosen] = found.missing[chosen]
+        self.missing[chosen] = whole.missing[chosen]
 
     def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
         """Use the weights where they cost less, and the prices."""

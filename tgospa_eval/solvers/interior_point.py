@@ -25,7 +25,7 @@ from scipy import sparse
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 
-START, LEAST_START = 10.0, 1e-4
+START, MIN_START = 10.0, 1e-4
 """Product of a number and its dual at the start: so many times that of the numbers at hand, which
 is 1e-4 in a first round and 1e-6 in a last, or the second. With 1e-5 there a round takes up to a
 third more iterations."""
@@ -39,7 +39,7 @@ PULL = 1e-3
 """How stiff the pull on duals is. With 1e-2 a first round proves less and the last may take twice
 the iterations; 1e-4 is as good."""
 
-MOST_ITERATIONS, LEAST_STEP, SHORT = 50, 1e-4, 0.01
+MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
 """Where numbers are given up: 10 to 25 iterations are usual. Below `END` a step shorter than the
 last says that only rounding is left."""
 
@@ -107,9 +107,9 @@ class _System:
             self.factors.update(self.upper, upper=True)
 
     def solve(self, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Both parts of the solution for both parts of the right-hand side."""
-        found = self.factors.solve(np.concatenate((first, second)))
-        return found[: len(first)], found[len(first) :]
+        """Solve for both parts of the right-hand side."""
+        parts = self.factors.solve(np.concatenate((first, second)))
+        return parts[: len(first)], parts[len(first) :]
 
 
 def solve_nearest(
@@ -120,20 +120,20 @@ def solve_nearest(
     *,
     exact: bool,
 ) -> tuple[Floats, Floats] | None:
-    """The best w (n,), and of the best y (m,) those nearest to the start, or about so.
+    """Return the best w (n,), and of the best y (m,) about those nearest to the start.
 
     ``minimise sum stiff (y - start)^2`` where complementary slackness holds. Up to rounding if it
     is to be `exact`, else with mean products of `ENOUGH`. Nothing if numbers break down before, or
     it is late.
     """
     try:
-        with np.errstate(all="ignore"):  # numbers that break down are looked for
-            found = _iterate(_System(p.matrix), p, start, PULL * stiff, exact, late)
-    except RuntimeError:  # of QDLDL: a pivot is 0
+        with np.errstate(all="ignore"):  # NaN and infinities are checked below
+            solution = _iterate(_System(p.matrix), p, start, PULL * stiff, exact, late)
+    except RuntimeError:  # QDLDL: a pivot is 0
         return None
-    if found is None or not all(np.isfinite(part).all() for part in found):
+    if solution is None or not all(np.isfinite(part).all() for part in solution):
         return None
-    return found[0][: len(p.reward)], found[1][-len(p.full) :]
+    return solution[0][: len(p.reward)], solution[1][-len(p.full) :]
 
 
 class _Newton:
@@ -164,10 +164,10 @@ class _Newton:
         stiff: Floats,
     ) -> None:
         self.system, self.rises, self.x, self.d = system, p.rises, x, d
-        self.size, self.cut = len(p.reward), (len(p.reward), len(p.reward) + len(p.rises))
+        self.size, self.splits = len(p.reward), (len(p.reward), len(p.reward) + len(p.rises))
         (self.w, self.rise, slack), (z, self.own, self.y) = (
-            np.split(x, self.cut),
-            np.split(d, self.cut),
+            np.split(x, self.splits),
+            np.split(d, self.splits),
         )
         self.lack = p.full - system.matrix @ self.w - slack
         self.lack[p.rises] += self.rise
@@ -181,9 +181,9 @@ class _Newton:
         self.second[p.rises] += self.rise / self.own
 
     def direction(self, change: Floats) -> tuple[Floats, Floats]:
-        """Steps of both after which products have changed so, to first order."""
-        other = self.lack - change[self.cut[1] :] / self.y
-        rising = change[self.cut[0] : self.cut[1]] + self.rise * self.excess_rise
+        """Return steps of both parts that change the products so, to first order."""
+        other = self.lack - change[self.splits[1] :] / self.y
+        rising = change[self.splits[0] : self.splits[1]] + self.rise * self.excess_rise
         other[self.rises] += rising / self.own
         dw, dy = self.system.solve(change[: self.size] / self.w + self.excess, other)
         across = self.system.transposed @ dy - self.excess
@@ -193,11 +193,11 @@ class _Newton:
         return dx, dd
 
     def steps(self, dx: Floats, dd: Floats) -> tuple[float, float]:
-        """The largest steps up to 1 after which nothing is negative."""
+        """Return the largest steps up to 1 that leave nothing negative."""
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
-        """Directions of both, predicted and corrected, and their steps."""
+        """Return predicted and corrected directions of both parts, and their steps."""
         self.system.factor(self.first, self.second)
         x, d = self.x, self.d
         dx, dd = self.direction(-self.product)
@@ -228,7 +228,7 @@ def _iterate(
     exact: bool,
     late: Callable[[], bool],
 ) -> tuple[Floats, Floats] | None:
-    """w, rises and slacks, and their duals at the end; None if that is not reached."""
+    """Return w, rises and slacks, and their duals at the optimum; None if it is not reached."""
     w, y = start
     slack = p.full - p.matrix @ w
     rise = np.maximum(-slack[p.rises], 0.0)
@@ -236,8 +236,8 @@ def _iterate(
     duals = system.transposed @ y - p.reward, p.paid - y[p.rises], y
     x, d = np.concatenate((w, rise, slack)), np.concatenate(duals)
     known = float((np.maximum(x, 0.0) * np.maximum(d, 0.0)).mean())
-    x, d = _central(x, d, max(START * known, LEAST_START))
-    for _ in range(MOST_ITERATIONS):
+    x, d = _central(x, d, max(START * known, MIN_START))
+    for _ in range(MAX_ITERATIONS):
         newton = _Newton(system, p, x, d, y, stiff)
         if newton.mean <= ENOUGH and not exact:
             return x, d
@@ -246,7 +246,7 @@ def _iterate(
         if late():
             return None
         dx, dd, along, across = newton.best()
-        if not max(along, across) > LEAST_STEP:  # NaN too
+        if not max(along, across) > MIN_STEP:  # NaN too
             break
         if newton.mean <= END and min(along, across) < SHORT:
             break
@@ -258,7 +258,7 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Positive numbers with that product, or a larger one for wrong signs; differences stay."""
+    """Return positive numbers with that product, or more for wrong signs; differences stay."""
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))
     difference = np.maximum(x, 0.0) - np.maximum(d, 0.0)

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal
 
 
-def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
-    """What some states, which come in order, touch, as far as they are concerned a problem itself.
+def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
+    """Return what some states, in order, touch, as a problem of its own.
 
     Returns
     -------
@@ -101,14 +101,14 @@ def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
 
 
 def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
-    """Last step of each of the chosen states of these pairs."""
+    """Return the last step of each of the chosen states of these pairs."""
     following = np.minimum(chosen + 1, len(states.begin) - 1)
     goes_on = chosen + 1 < states.pair_first[pair + 1]
     return np.where(goes_on, states.begin[following] - 1, states.block_end[states.pair_block[pair]])
 
 
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
-    """The last place of each range from `low` to before `high` with a step of at most `until`.
+    """Return the last place of each range from `low` to before `high` with a step <= `until`.
 
     `low` - 1 where there is none. Steps rise in each range; all are searched by halves at once.
     """
@@ -149,14 +149,14 @@ class Programmes:
         self.iterations, self.seconds = 0, 0.0
 
     def report_progress(self) -> None:
-        """How far the brackets are, for whoever watches."""
+        """Report the state of the brackets."""
         ascent, tried = self.ascent, self.tried
         width, cost = ascent.gap, ascent.cost
         share = share_of_digits(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
-    def run(self, rounds: tuple[float, ...], most: int | None = None) -> None:
-        """A round of programmes each, until the brackets are met; components up to `most` states.
+    def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
+        """Solve programmes at each reach until brackets are met; components up to `max_states`.
 
         Where very much is undecided, programmes look at the neighbourhood of what keeps the
         brackets open first.
@@ -168,26 +168,26 @@ class Programmes:
                 break
             if reach == stuck:
                 continue
-            if self.crowd and most is not None:
+            if self.crowd and max_states is not None:
                 break
-            if most is not None and reach > PROGRAMMES.afar and not self._nearly():
+            if max_states is not None and reach > PROGRAMMES.afar and not self._nearly():
                 break
             near = self._near(reach)
-            if most is not None and self._crowded(near):
+            if max_states is not None and self._crowded(near):
                 near = self._near(PROGRAMMES.crowded * reach)
             if np.count_nonzero(near) > WINDOWS.undecided:
-                self._run_windows(near, reach, most, len(near))
+                self._run_windows(near, reach, max_states, len(near))
                 continue
             before = ascent.open_gap
-            if not self._solve_undecided(near, reach, most):
+            if not self._solve_undecided(near, reach, max_states):
                 break
             wide = max(PROGRAMMES.stuck * before, PROGRAMMES.stuck_gap * ascent.open_cost)
-            if most is None and ascent.open_gap > wide:
+            if max_states is None and ascent.open_gap > wide:
                 stuck = reach
         self.seconds += time.perf_counter() - begin
 
     def run_nearby(self, reach: float) -> None:
-        """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
+        """Solve programmes in windows of a large problem, unless sweeps of all take less time."""
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
             return
@@ -197,7 +197,7 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_crowd(self) -> None:
-        """Where weights are fractional nearly everywhere: the interior point method, in rounds.
+        """Run the interior point method in rounds, where most weights are fractional.
 
         States that the prices of a round make attractive are in the next; after one that hardly
         helped the reach is doubled.
@@ -217,55 +217,55 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def close_reach(self) -> float:
-        """The reach of a first programme where very much is undecided."""
+        """Return the reach of a first programme where very much is undecided."""
         reach, loads = CROWDS.reach, self.ascent.states.rows.loads
-        while reach > CROWDS.least_reach and loads(self._near(reach)).mean() > CROWDS.each:
+        while reach > CROWDS.min_reach and loads(self._near(reach)).mean() > CROWDS.each:
             reach *= 0.5
         return reach
 
     def _done(self) -> bool:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
 
-    def _run_windows(self, near: Mask, reach: float, most: int | None, room: int) -> None:
-        """Programmes around the steps that keep the brackets open, in growing windows of time.
+    def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
+        """Solve programmes around the steps that keep brackets open, in growing windows.
 
-        Components of more than `most` states are left out, and windows of more than `room`.
+        Components of more than `max_states` states are left out, and windows of more than `room`.
         """
         ascent = self.ascent
-        span, least = WINDOWS.span, reach
+        span, first_reach = WINDOWS.span, reach
         while not self._done():
             before = ascent.open_gap
             if span >= ascent.states.problem.steps:
-                self._solve_undecided(near, reach, most)
+                self._solve_undecided(near, reach, max_states)
                 return
             spared = WINDOWS.spared * ascent.wanted_gap * ascent.open_cost
             around = ascent.within(near, windows(ascent.losses(ascent.prices), spared, span))
             if np.count_nonzero(around) > room:
                 return
-            self._solve_undecided(around, reach, most)
+            self._solve_undecided(around, reach, max_states)
             if ascent.open_gap > WINDOWS.shrink * before:
-                if most is not None:
+                if max_states is not None:
                     return
-                # Either states that were left out win now, or the window is too short.
+                # Either states outside win now, or the window is too short.
                 if reach < WINDOWS.farther:
                     reach = WINDOWS.farther
                 else:
-                    span, reach = span * WINDOWS.widen, least
+                    span, reach = span * WINDOWS.widen, first_reach
             near = self._near(reach)
 
     def _nearly(self) -> bool:
-        """Whether hardly anything is open."""
+        """Return whether hardly anything is open."""
         return self.ascent.open_gap < PROGRAMMES.nearly * self.ascent.open_cost
 
     def _crowded(self, near: Mask) -> bool:
-        """Whether one component of what has to be decided among the states near is large."""
+        """Return whether one component of the undecided near states is large."""
         if np.count_nonzero(near) <= PROGRAMMES.crowd:
             return False
         _, component = self.ascent.undecided(near)
         return bool(np.bincount(component).max(initial=0) > PROGRAMMES.crowd)
 
     def _near(self, reach: float) -> Mask:
-        """States that a programme may have to decide, (S,); sets the unit of its costs.
+        """Return states that a programme may have to decide, (S,); set the unit of its costs.
 
         Paths that lose many times the gap can hardly have weight: reach shrinks with it.
         """
@@ -274,34 +274,34 @@ class Programmes:
         self.ascent.mark(self.ascent.prices, self.unit * reach)
         return self.ascent.near(self.tempted)
 
-    def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
+    def _solve_undecided(self, near: Mask, reach: float, max_states: int | None) -> bool:
         """Solve what has to be decided among the states near; False if all of it is too large."""
         states = self.ascent.states
         free, component = self.ascent.undecided(near)
-        if not len(free) and np.isinf(reach):  # what keeps the bracket open passes for rounding
+        if not len(free) and np.isinf(reach):  # the bracket may be open by rounding alone
             free = np.flatnonzero(states.states_of(self.ascent.open))
             component = states.pair_block[states.pair[free]]
-        found = groups(states, free, component, most)
-        if found:
-            self._solve(found)
+        parts = groups(states, free, component, max_states)
+        if parts:
+            self._solve(parts)
             self.ascent.keep(self.ascent.wide())
-        # Where there is nothing to decide, what keeps the bracket open is farther away.
-        return bool(found) or not len(free)
+        # If nothing is undecided here, states farther away keep the bracket open.
+        return bool(parts) or not len(free)
 
-    def _solve(self, found: list[Ints], shares: Floats | None = None) -> None:
+    def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
         """Propose what is best for each group of states, refined where tolerances matter.
 
         The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state. Large
         groups are solved by the interior point method, from the shares (S,), if there are any.
         """
         ascent, solved = self.ascent, []
-        for group in found:
+        for group in parts:
             left = self.batch.limit.left()
             if left is not None and left <= PROGRAMMES.build * len(group):
                 break
-            crowd = shares is not None and len(group) >= CROWDS.least
+            crowd = shares is not None and len(group) >= CROWDS.min_states
             try:
-                answer = self._solve_group(group, len(found) == 1, shares if crowd else None)
+                answer = self._solve_group(group, len(parts) == 1, shares if crowd else None)
             except StoppedError:
                 break
             if answer is not None:
@@ -314,12 +314,12 @@ class Programmes:
         size = sum(len(free) for free, _, _ in solved)
         if wide.any() and ascent.gap[wide].sum() <= PROGRAMMES.tolerance * self.unit * size:
             with suppress(StoppedError):
-                self._propose(self._apart(lambda: self._refined(solved), size))
+                self._propose(self._in_thread(lambda: self._refined(solved), size))
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
         """Solve one programme: of the problem itself, or of what a group touches, cut out."""
-        # HiGHS: slow to import
+        # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
         ascent, left = self.ascent, self.batch.limit.left()
@@ -327,7 +327,7 @@ class Programmes:
             left = max(left - PROGRAMMES.build * len(free), 0.0)
         states, own, given, slots = ascent.states, free, (ascent.weights, ascent.prices), None
         if not whole:
-            states, state, own, slots = cut_out(states, free)
+            states, state, own, slots = extract(states, free)
             given = given[0][state], given[1][slots]
         switch_price = ascent.switch_price
 
@@ -340,22 +340,22 @@ class Programmes:
                 states, own, *given, switch_price, left, unit=self.unit, interior=self.interior
             )
 
-        found = self._apart(solve, len(free))
-        if found is None:
+        proposal = self._in_thread(solve, len(free))
+        if proposal is None:
             return None
-        self.interior = found.interior
-        self.crowd |= found.interior
-        self.iterations += found.iterations
-        return free, found.slot if slots is None else slots[found.slot], found
+        self.interior = proposal.interior
+        self.crowd |= proposal.interior
+        self.iterations += proposal.iterations
+        return free, proposal.slot if slots is None else slots[proposal.slot], proposal
 
     def _refined(self, solved: list[Solved]) -> list[Solved]:
-        """The same with duals to the last place."""
-        from tgospa_eval.solvers.restricted_lp import refine  # HiGHS: slow to import
+        """Refine the duals of proposals to the last place."""
+        from tgospa_eval.solvers.restricted_lp import refine  # lazy: HiGHS is slow to import
 
         left = self.batch.limit.left
-        return [(free, slot, refine(found, left())) for free, slot, found in solved]
+        return [(free, slot, refine(proposal, left())) for free, slot, proposal in solved]
 
-    def _apart(self, work: Callable[[], T], size: int) -> T:
+    def _in_thread(self, work: Callable[[], T], size: int) -> T:
         """Do work with a programme of so many states; HiGHS cannot be stopped, but left behind.
 
         Raises
@@ -363,7 +363,7 @@ class Programmes:
         StoppedError
             The run was interrupted, or its time was up, before the work had ended.
         """
-        return self.batch.limit.progress.apart(work) if size > PROGRAMMES.quick else work()
+        return self.batch.limit.progress.in_thread(work) if size > PROGRAMMES.quick else work()
 
     def _propose(self, solved: list[Solved]) -> None:
         """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
@@ -374,7 +374,7 @@ class Programmes:
         wide = ascent.open_gap
         self._propose_weights(np.concatenate([free for free, _, _ in solved]), weights)
         slot = np.concatenate([slot for _, slot, _ in solved])
-        found, before = prices[slot], ascent.prices[slot]
+        proposed, before = prices[slot], ascent.prices[slot]
         if len(solved) > 1:
             self._try_best(solved, prices)
         ascent.try_prices(prices)
@@ -385,7 +385,7 @@ class Programmes:
         if len(solved) > 1 and ascent.open_gap < 0.5 * wide:
             return
         for share in (0.5, 0.2):
-            prices[slot] = share * found + (1 - share) * before
+            prices[slot] = share * proposed + (1 - share) * before
             ascent.try_prices(prices)
         prices[:] = ascent.prices
         prices[~ascent.full()] = 0.0
@@ -417,14 +417,14 @@ class Programmes:
         ascent.try_prices(prices)
 
 
-def groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:
-    """The free states by programme: components that are neighbours in time share one.
+def groups(states: States, free: Ints, component: Ints, max_states: int | None) -> list[Ints]:
+    """Group the free states by programme: components that are neighbours in time share one.
 
-    Components of more than `most` states are left out.
+    Components of more than `max_states` states are left out.
     """
     _, number, size = np.unique(component, return_inverse=True, return_counts=True)
-    if most is not None and size.max(initial=0) > most:
-        kept = size[number] <= most
+    if max_states is not None and size.max(initial=0) > max_states:
+        kept = size[number] <= max_states
         free = free[kept]
         _, number, size = np.unique(number[kept], return_inverse=True, return_counts=True)
     if len(free) <= PROGRAMMES.group:
@@ -440,7 +440,7 @@ def groups(states: States, free: Ints, component: Ints, most: int | None) -> lis
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """The steps (T,) within `span` of those that lose most, but for as much as is allowed."""
+    """Return steps (T,) within `span` of those that lose most, except for as much as is allowed."""
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
     change = np.zeros(len(lost) + 1, np.int32)
@@ -461,12 +461,12 @@ def solve_whole(batch: BlockBatch) -> Answer:
     iterations, unsolved = 0, []
     for number in np.flatnonzero(batch.wanted).tolist():
         states, state, slot = batch.states.between(number, number + 1)
-        found = None if batch.limit.late() else _programme(states, batch.limit)
-        if found is not None:
-            iterations += found.iterations
-            batch.prices[slot][found.slot] = found.prices
-            batch.weights[state] = found.weights
-        if found is None or not found.finished:
+        proposal = None if batch.limit.late() else _programme(states, batch.limit)
+        if proposal is not None:
+            iterations += proposal.iterations
+            batch.prices[slot][proposal.slot] = proposal.prices
+            batch.weights[state] = proposal.weights
+        if proposal is None or not proposal.finished:
             paths = best_paths(states, batch.prices[slot])
             batch.weights[state] = better(states, batch.weights[state], paths)
             unsolved.append(number)
@@ -481,8 +481,10 @@ def solve_whole(batch: BlockBatch) -> Answer:
 
 
 def _programme(states: States, limit: Limit) -> "Proposal | None":
-    """What HiGHS finds for one block; None if there is no time."""
-    from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
+    """Solve one block by HiGHS; None if there is no time."""
+    from tgospa_eval.solvers.restricted_lp import (
+        solve_restricted_lp,  # lazy: HiGHS is slow to import
+    )
 
     size = len(states.begin)
     work = partial(
@@ -496,6 +498,6 @@ def _programme(states: States, limit: Limit) -> "Proposal | None":
         interior=size > INTERIOR,
     )
     try:
-        return limit.progress.apart(work)
+        return limit.progress.in_thread(work)
     except StoppedError:
         return None

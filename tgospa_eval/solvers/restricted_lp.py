@@ -110,14 +110,14 @@ class Programme:
         return np.flatnonzero(self.anchor == 0)
 
     def reduced(self, dual: Floats) -> Floats:
-        """Reduced costs of the minimisation of -reward x at duals <= 0 of the constraints."""
+        """Return reduced costs of the minimisation of -reward x at duals <= 0."""
         return -self.reward - np.bincount(
             self.column, self.entry * dual[self.row], len(self.reward)
         )
 
     @cached_property
     def offset(self) -> Long:
-        """What the gains of each constraint of the rows have in common, 0 of other constraints.
+        """Common part of the gains of each constraint of the rows, 0 of other constraints.
 
         Gains are A + B - cost: beside the prices A and B small costs lose digits. A row slot with a
         gain is charged with A + B instead: its dual is that much smaller.
@@ -131,7 +131,7 @@ class Programme:
         return offset
 
     def reduced_long(self, dual: Long) -> Long:
-        """`reduced`, in long doubles, at the duals with `offset` added to them."""
+        """Return `reduced` in long doubles, at the duals with `offset` added to them."""
         entry = self.states.entry[self.free]
         gains = np.flatnonzero(entry >= 0)
         cost = -self.reward.astype(np.longdouble)
@@ -153,18 +153,18 @@ def make_programme(
     switch_price: Floats,
     unit: float = 1.0,
 ) -> Programme:
-    """The programme of the free states, in order, the others held at their weights.
+    """Build the programme of the free states, in order, the others fixed at their weights.
 
     maximise sum g_s w_s - sum_a price_a |w_a+1 - w_a| over w >= 0 with every slot at most full.
     |d| = 2 max(d, 0) - d leaves one column and one row for each transition a.
     """
     size = len(free)
-    held = weights.copy()
-    held[free] = 0.0
-    transition_reward, to, source, two, paid, constant = _moves(states, free, held, switch_price)
-    rows = capacity_rows(states.rows, free, held)
-    columns = capacity_rows(states.columns, free, held, prices)
-    del held
+    fixed = weights.copy()
+    fixed[free] = 0.0
+    transition_reward, to, source, two, paid, constant = _moves(states, free, fixed, switch_price)
+    rows = capacity_rows(states.rows, free, fixed)
+    columns = capacity_rows(states.columns, free, fixed, prices)
+    del fixed
 
     nr, nc, na = len(rows.room), len(columns.room), len(paid)
     rise = nr + nc + np.arange(na)
@@ -202,7 +202,7 @@ def make_programme(
 
 
 def _prices(states: States, entry: Ints) -> Long:
-    """Prices A + B of leaving the pairs of some entries unassigned."""
+    """Return prices A + B of leaving the pairs of some entries unassigned."""
     problem = states.problem
     price: Long = problem.truth_price[problem.truth_row[entry]].astype(np.longdouble)
     price += problem.estimate_price[problem.estimate_row[entry]]
@@ -210,49 +210,49 @@ def _prices(states: States, entry: Ints) -> Long:
 
 
 def _moves(
-    states: States, free: Ints, held: Floats, switch_price: Floats
+    states: States, free: Ints, fixed: Floats, switch_price: Floats
 ) -> tuple[Long, Ints, Ints, Mask, Floats, Floats]:
-    """Transitions between a free state and the next of its pair, either of which may be held.
+    """Return transitions between a free state and its pair's next, either of which may be fixed.
 
     `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and their constants.
     """
     before = np.concatenate((free, free - 1))
     before.sort()
     before = before[np.diff(before, prepend=-2) > 0]
-    is_last = np.zeros(len(held) + 1, bool)
+    is_last = np.zeros(len(fixed) + 1, bool)
     is_last[states.pair_first[1:] - 1] = True
     before = before[(before >= 0) & ~is_last[before]]
     a, b = _position(free, before), _position(free, before + 1)
     paid = switch_price[states.begin[before + 1]]
-    constant = np.where(a < 0, held[before], held[before + 1])
+    constant = np.where(a < 0, fixed[before], fixed[before + 1])
     both = (a >= 0) & (b >= 0)
-    own = np.maximum(a, b)  # the free one, if one is held
+    own = np.maximum(a, b)  # the free one, if one is fixed
     reward = np.zeros(len(free), np.longdouble)
     np.add.at(reward, b[both], paid[both])
     np.subtract.at(reward, a[both], paid[both])
-    one_held = ~both
-    np.add.at(reward, own[one_held], np.where(constant > 0, paid, -paid)[one_held])
-    part = one_held & (constant > 0) & (constant < 1)
+    one_fixed = ~both
+    np.add.at(reward, own[one_fixed], np.where(constant > 0, paid, -paid)[one_fixed])
+    part = one_fixed & (constant > 0) & (constant < 1)
     arcs = np.flatnonzero(both | part)
     constant = np.where(both, 0.0, constant)[arcs]
     return reward, np.where(both, b, own)[arcs], a[arcs], both[arcs], paid[arcs], constant
 
 
 def _position(ordered: Ints, sought: Ints) -> Ints:
-    """Where each is in the ordered numbers, -1 where it is not."""
+    """Return the position of each in the ordered numbers, -1 if it is not there."""
     at = np.minimum(np.searchsorted(ordered, sought), len(ordered) - 1)
     return np.where(ordered[at] == sought, at, -1)
 
 
 # -------------------------------------------------------------------------------------------------
-# Where the simplex method starts: a basis that fits the prices.
+# The start of the simplex method: a basis that fits the prices.
 #
 # A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular: whoever factors it leaves columns out and puts slacks in. It only decides how many
+# singular: factoring it leaves columns out and puts slacks in. It only decides how many
 # iterations follow.
 
 
-LEAST_STATES = 300
+MIN_STATES = 300
 """Free states from which on a starting basis saves time: fewer take a few milliseconds without."""
 
 BASIC = 1e-10
@@ -260,13 +260,13 @@ BASIC = 1e-10
 
 
 def suggest(p: Programme) -> tuple[Mask, Mask] | None:
-    """Basic columns and constraints by complementary slackness at the prices; None: too small.
+    """Suggest a basis by complementary slackness at the prices; None if it is too small.
 
     Prices alone leave the duals of rows and transitions open. Those of the shortest path problem
     of each row are potentials, best values of paths that end in each state: see `_potentials`.
     What has a reduced cost or a dual of about zero then is basic.
     """
-    if not kernels or len(p.free) < LEAST_STATES:
+    if not kernels or len(p.free) < MIN_STATES:
         return None
     dual, zero = p.potentials, BASIC * p.unit
     rows = dual <= zero
@@ -276,7 +276,7 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
 
 
 def _potentials(p: Programme) -> Floats:
-    """Duals >= 0 of all constraints that fit the prices.
+    """Return duals >= 0 of all constraints that fit the prices.
 
     Along each row in time: h, the best value of a path that is in no state; F_s, that of a path
     through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
@@ -317,7 +317,7 @@ def _potentials(p: Programme) -> Floats:
 
 
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
-    """Borders of constraints around each free state, its row, first border of each and their end.
+    """Return borders of constraints around each free state: its row, first border, and end.
 
     Each row has a border before its first constraint and one after each; borders are numbered row
     by row. A state without a constraint lies where the one before it of its pair ends.
@@ -414,7 +414,7 @@ def solve_restricted_lp(
     unit: float = 1.0,
     interior: bool = False,
 ) -> Proposal:
-    """Weights and prices that are best for the free states, the others held at their weights.
+    """Return the best weights and prices of the free states; the others stay fixed.
 
     `free` comes in order. With `interior` the simplex method is not tried first where a programme
     is large: one like it took too long.
@@ -458,12 +458,12 @@ def solve_interior(
     *,
     exact: bool,
 ) -> Proposal | None:
-    """As `solve_restricted_lp` by the interior point method; None if numbers break down.
+    """Solve as `solve_restricted_lp` by the interior point method; None if numbers break down.
 
     It begins at the `shares` (F,) and the prices, to which new ones are the nearest; up to rounding
     if it is to be `exact`. Needs the compiled kernels.
     """
-    from scipy import sparse  # slow to import, and few scenes are crowds
+    from scipy import sparse  # lazy: slow to import, and few scenes are crowds
 
     from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 
@@ -476,7 +476,7 @@ def solve_interior(
     row = np.append(p.row[inner], np.arange(*ends))
     column, entry = np.append(p.column[inner], bare), np.append(p.entry[inner], np.ones(len(bare)))
     matrix = sparse.csr_array((entry, (row, column)), shape=(ends[1], size))
-    asked = Inequalities(
+    task = Inequalities(
         matrix=matrix,
         full=np.append(p.full, np.ones(len(bare))),
         reward=p.reward[:size],
@@ -487,25 +487,25 @@ def solve_interior(
 
     stiff = np.full(ends[1], SOFT)
     stiff[p.constraints[1]] = 1.0
-    found = solve_nearest(asked, (shares, near), stiff, lambda: _over(deadline), exact=exact)
-    if found is None:
+    point = solve_nearest(task, (shares, near), stiff, lambda: _over(deadline), exact=exact)
+    if point is None:
         return None
-    new = p.columns.spread(found[1][p.constraints[1]], p.before)
+    new = p.columns.spread(point[1][p.constraints[1]], p.before)
     return Proposal(
-        weights=_snapped(p, found[0]), slot=p.columns.slot, prices=new, iterations=0, finished=True
+        weights=_snapped(p, point[0]), slot=p.columns.slot, prices=new, iterations=0, finished=True
     )
 
 
-def refine(found: Proposal, seconds: float | None) -> Proposal:
-    """The same proposal with prices that are right to the last place, not to 1e-9.
+def refine(proposal: Proposal, seconds: float | None) -> Proposal:
+    """Refine the prices of a proposal to the last place, from 1e-9.
 
     ``y <- y + y' / s`` with the duals y' of ``min s (c - A'y) x`` over the same polytope, from the
     same basis; c - A'y in long doubles. Gleixner, Steffy and Wolter, "Iterative refinement for
     linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, and are columns.
     """
-    if found.vertex is None:
-        return found
-    p, dual, basis = found.vertex
+    if proposal.vertex is None:
+        return proposal
+    p, dual, basis = proposal.vertex
     dual = dual + p.offset
     free = np.append(np.isinf(p.upper), np.ones(len(dual), bool))
     columns, rows = _basic(basis)
@@ -518,7 +518,7 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
     highs = _highs(_model(p, np.arange(len(dual))))
     highs.setBasis(_basis(basic, rows))
     _set_room(highs, p, ROOMIER)
-    iterations, solved = found.iterations, False
+    iterations, solved = proposal.iterations, False
     for _ in range(REFINEMENTS):
         cost = np.append(p.reduced_long(dual), p.offset - dual)
         wrong = float(np.where(basic, np.abs(cost), np.where(free, -cost, 0.0)).max(initial=0.0))
@@ -535,7 +535,7 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
         dual += np.asarray(answer.row_dual).astype(np.longdouble) / scale
         np.minimum(dual, p.offset, out=dual)
         basic, _ = _basic(highs.getBasis())
-    weights = found.weights
+    weights = proposal.weights
     if solved:
         _set_room(highs, p, 0.0)
         solved, done = _run(highs, deadline)
@@ -543,7 +543,7 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
         if solved:
             weights = _snapped(p, np.asarray(highs.getSolution().col_value))
     return replace(
-        found,
+        proposal,
         weights=weights,
         prices=_spread(p, dual.astype(np.float64)),
         iterations=iterations,
@@ -559,12 +559,12 @@ def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
 
 
 def _spread(p: Programme, dual: Floats) -> Floats:
-    """New prices of the slots from the duals of all constraints."""
+    """Return new prices of the slots from the duals of all constraints."""
     return p.columns.spread(np.maximum(-dual[p.constraints[1]], 0.0), p.before)
 
 
 def _snapped(p: Programme, values: Floats) -> Floats:
-    """The weights, those near a fraction of a small denominator set to it where all fit then.
+    """Snap weights near a fraction of a small denominator to it, if all fit then.
 
     At a vertex weights are fractions, mostly 0, 1, 1/2 or 1/3, and HiGHS has them up to 1e-9.
     """
@@ -588,7 +588,7 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 
 
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
-    """The programme as HiGHS takes it: minimise the reduced costs at `anchor`.
+    """Return the programme for HiGHS: minimise the reduced costs at `anchor`.
 
     Its duals say by how much those move. The slacks of some constraints are columns.
     """
@@ -597,15 +597,15 @@ def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
     entry = np.append(p.entry, np.ones(len(slack)))
     cost = np.append(p.reduced(p.anchor), -p.anchor[slack])
     upper = np.append(p.upper, np.full(len(slack), np.inf))
-    least = np.full(len(p.full), -np.inf)
-    least[slack] = p.full[slack]
+    lower = np.full(len(p.full), -np.inf)
+    lower[slack] = p.full[slack]
     order = np.argsort(column, kind="stable")
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = len(cost), len(p.full)
     lp.col_cost_ = cost.astype(np.float64) / p.unit
     lp.col_lower_ = np.zeros(len(cost))
     lp.col_upper_ = upper
-    lp.row_lower_ = least
+    lp.row_lower_ = lower
     lp.row_upper_ = p.full
     lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     lp.a_matrix_.start_ = np.append(0, np.cumsum(np.bincount(column, minlength=len(cost))))
@@ -625,7 +625,7 @@ class _Silent(highspy.Highs):
 
 
 def _highs(model: highspy.HighsLp) -> highspy.Highs:
-    """HiGHS with the model and our options."""
+    """Return HiGHS with the model and our options."""
     highs = _Silent()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
@@ -643,7 +643,7 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """HiGHS when it has ended; whether with an optimum; iterations; whether they were too many.
+    """Run HiGHS; return it, whether it is optimal, iterations, and whether they were too many.
 
     The simplex method; the interior point method with crossover if that takes long or fails; and
     the simplex method, however long it takes, if that fails in turn.
@@ -662,7 +662,9 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue("presolve", "on")  # else it ends short of tolerances where much ties
+    highs.setOptionValue(
+        "presolve", "on"
+    )  # otherwise it misses its tolerances where many costs tie
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
@@ -686,14 +688,14 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = done  # HiGHS begins each anew, and where much ties never ends in short ones
+        portion = done  # HiGHS restarts each run, and short ones never end where many costs tie
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
-    """Mean number of entries other than 0 of a row of the inverse of the basis, by a sample."""
+    """Return the mean number of nonzeros in a row of the inverse of the basis, by a sample."""
     sample = np.linspace(0, rows - 1, SAMPLED_ROWS).astype(int).tolist()
-    found = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
-    return float(np.mean([count for _, _, count, *_ in found]))
+    sampled = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
+    return float(np.mean([count for _, _, count, *_ in sampled]))
 
 
 def _over(deadline: float | None) -> bool:
@@ -714,7 +716,7 @@ def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
 
 
 def _basic(basis: highspy.HighsBasis) -> tuple[Mask, Mask]:
-    """Which columns and which constraints are basic."""
+    """Return which columns and which constraints are basic."""
     basic = highspy.HighsBasisStatus.kBasic
     return (
         np.array([status == basic for status in basis.col_status], bool),
@@ -723,7 +725,7 @@ def _basic(basis: highspy.HighsBasis) -> tuple[Mask, Mask]:
 
 
 def _basis(columns: Mask, rows: Mask) -> highspy.HighsBasis:
-    """A starting basis, which need not be one."""
+    """Return a starting basis, which need not be valid."""
     status = highspy.HighsBasisStatus
     basis = highspy.HighsBasis()
     basis.col_status = [status.kBasic if basic else status.kLower for basic in columns.tolist()]

@@ -47,7 +47,7 @@ WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
 """Sweeps between two looks at the bracket, and how many of these it takes as a rule."""
 
-MOST_SWEEPS = 2000
+MAX_SWEEPS = 2000
 FULL_TO = 1e-6
 NEGLIGIBLE_SLACK = 25.0
 """States with more slack than so many temperatures have a share below 1e-10 and are left out."""
@@ -100,7 +100,7 @@ class Sinkhorn(BatchSolver):
         )
 
     def _sweep(self, batch: BlockBatch) -> Answer:
-        """Sweeps of one batch."""
+        """Sweep over one batch."""
         begin = time.perf_counter()
         ascent = Ascent(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
         wanted = ascent.wide(0.0)
@@ -117,7 +117,7 @@ class Sinkhorn(BatchSolver):
         while status is None:
             cold = len(history) >= len(warm)
             epsilon = self.epsilon if cold else warm[len(history)]
-            sweeps = min(CHECK_SWEEPS if cold else WARM_SWEEPS, MOST_SWEEPS - count)
+            sweeps = min(CHECK_SWEEPS if cold else WARM_SWEEPS, MAX_SWEEPS - count)
             before = ascent.gap[wanted].sum()
             done, violation = ascent.stage(
                 epsilon, sweeps, NEGLIGIBLE_SLACK * epsilon + half, batch.limit.late
@@ -136,7 +136,7 @@ class Sinkhorn(BatchSolver):
                 status = Status.FULL
             elif cold and after > 0.95 * before:
                 status = Status.SETTLED
-            elif count >= MOST_SWEEPS:
+            elif count >= MAX_SWEEPS:
                 status = Status.SWEPT
         return Answer(
             iterations=count,
@@ -157,7 +157,7 @@ def _check(
     epsilon: float,
     violation: float,
 ) -> dict[str, float]:
-    """One record of the history."""
+    """Return one record of the history."""
     upper = float((ascent.cost - ascent.unassigned_cost)[blocks].sum())
     return {
         "sweep": sweep,
@@ -169,11 +169,11 @@ def _check(
 
 
 def _without_kernels(batch: BlockBatch) -> Answer:
-    """`solve_whole`, which says so."""
+    """Solve by `solve_whole`, and say so."""
     return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")
 
 
-MOST_TRACED, MOST_LINKS = 1000, 5_000_000
+MAX_TRACE, MAX_LINKS = 1000, 5_000_000
 """Of a larger problem nothing is found: all states make more links than those that compete."""
 
 MET, STILL = 1e-7, 1e-9
@@ -199,11 +199,11 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
         Whether to stop.
     """
     problem = states.problem
-    most = float(problem.truth_price.sum() + problem.estimate_price.sum())
+    unassigned = float(problem.truth_price.sum() + problem.estimate_price.sum())
     soft = np.zeros(len(states.columns.step))
     layout = None
     if len(soft):
-        price = problem.weight(slice(None))  # of all entries, or else of each
+        price = problem.weight(slice(None))  # one of all entries, or one of each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         layout = kernels.Layout(states, problem.switch_price_at, *both)
         layout.keep(np.ones(len(states.block_begin), np.uint8))
@@ -214,28 +214,28 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
         (stage for stage in WARM_STAGES if stage > epsilon), itertools.repeat(epsilon)
     ):
         if layout is not None:
-            chain = kernels.Chain(layout, every, soft, MOST_LINKS)
-            if chain.links > MOST_LINKS:
+            chain = kernels.Chain(layout, every, soft, MAX_LINKS)
+            if chain.links > MAX_LINKS:
                 break
             chain.heat(temperature)
             done, violation = chain.sweep(WARM_SWEEPS)
             sweeps += done
             chain.cool(temperature)
             chain.write_prices(soft)
-        primal, dual, cost = (most - gain for gain in gains(states, soft, temperature))
-        look = {"sweep": sweeps, "epsilon": temperature, "violation": float(violation)}
-        trace.append(look | {"primal": primal, "dual": dual, "cost": cost})
+        primal, dual, cost = (unassigned - gain for gain in gains(states, soft, temperature))
+        check = {"sweep": sweeps, "epsilon": temperature, "violation": float(violation)}
+        trace.append(check | {"primal": primal, "dual": dual, "cost": cost})
         if temperature == epsilon:
             change = abs(dual - trace[-2]["dual"]) if len(trace) > 1 else np.inf
             if abs(primal - dual) <= MET * abs(dual) or change <= STILL * abs(dual):
                 break
-        if sweeps >= MOST_TRACED or late():
+        if sweeps >= MAX_TRACE or late():
             break
     return trace
 
 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
-    """What the masses at some prices v gain with entropy and without, and the dual at v.
+    """Return what masses at prices v gain with entropy and without, and the dual at v.
 
     theta = exp((value_v - alpha) / epsilon), alpha_i = epsilon log sum_pi exp(value_v / epsilon),
     sigma = exp(-v / epsilon), and so ([Wernholm], the Lagrangian dual)
@@ -268,13 +268,13 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
     changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
     half = states.problem.switch_price_at[states.begin[arc]]
-    half = np.where(half < NEVER * epsilon, half, 0.0)  # nothing changes there but by rounding
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # beyond that only rounding changes
     gain = (mass * states.gain).sum() - (half * changing).sum()
     return float(primal), float(dual), float(gain)
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """Value of each row, mass of each state, and how much of it comes from the state before.
+    """Return the value of each row, the mass of each state, and how much the state before gives.
 
     Messages in logarithms, with q = exp(-lambda / epsilon) (docs/theory/solvers.md, "Messages"):
     A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and backward in time alike.

@@ -12,12 +12,12 @@ from tgospa_eval.problem.states import ONE, States, connected_components
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
-    """An optimal path of each row at the given column prices, as weights 0 and 1, (S,)."""
+    """Return an optimal path of each row at column prices, as weights 0 and 1, (S,)."""
     return paths(states, states.gain - states.columns.totals(prices))
 
 
 def paths(states: States, value: Floats) -> Floats:
-    """A path of largest value of each row, as weights 0 and 1, (S,).
+    """Return a path of largest value of each row, as weights 0 and 1, (S,).
 
     The recursion of `problem.paths.best_values` with back pointers: the state from which each state
     is reached, and that from which "none" of each row got its value.
@@ -35,7 +35,9 @@ def paths(states: States, value: Floats) -> Floats:
         np.maximum.at(unassigned_value, at, reached - price)
         after = unassigned_value[at]
         left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
-        unassigned_from[at[left]] = state[left] - 1  # the first of equals: the last assignment wins
+        unassigned_from[at[left]] = (
+            state[left] - 1
+        )  # the first of equals wins, as the last assignment
         enter = after - price
         stays = (reached >= enter) & (state > states.pair_first[pair])
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])
@@ -58,7 +60,7 @@ def paths(states: States, value: Floats) -> Floats:
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
-    """``Z(v) = sum v + sum_i best_i(v)`` of each block, (B,): above what can be gained."""
+    """Return ``Z(v) = sum v + sum_i best_i(v)`` of each block, (B,), which bounds its gain."""
     blocks = len(states.block_begin)
     best = best_values(states, states.gain - states.columns.totals(prices))
     slot_block = states.node_block[states.columns.node]
@@ -72,7 +74,7 @@ ROUNDINGS = 12
 
 
 def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
-    """Feasible weights 0 and 1: best paths, with the states that lose a clash taken away.
+    """Round to feasible weights 0 and 1: best paths without the states that lose a clash.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
 
 
 def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
-    """Claimed states that share a slot with a claimed state that is preferred."""
+    """Return claimed states that share a slot with a preferred claimed state."""
     slots = states.columns
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]
@@ -123,14 +125,14 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
 
 
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
-    """`solve_rows`, and the blocks whose rows want different columns: prices 0 prove it."""
+    """Solve as `solve_rows`, and blocks whose rows want different columns: prices 0 prove it."""
     return solve_rows(states, weights, prices, conflict_free=True)
 
 
 def solve_rows(
     states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
 ) -> Ints:
-    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
+    """Solve as `solve_steps`, and blocks with one row (or one pair): each is a shortest path."""
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True
@@ -189,15 +191,15 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
             i, j = row[begin:end], column[begin:end]
             gain = np.zeros(shape)
             gain[i, j] = gains[begin:end]
-            assigned, least = _assign(gain)
-            taken[begin:end], price[begin:end] = assigned[i] == j, least[j]
+            assigned, lowest = _assign(gain)
+            taken[begin:end], price[begin:end] = assigned[i] == j, lowest[j]
     weights[state] = taken
     priced = states.columns.end[state] > states.columns.begin[state]
     prices[states.columns.begin[state[priced]]] = price[priced]
 
 
 def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
-    """Each item as a number from 0 within its component, and how many each component has."""
+    """Return each item's number from 0 within its component, and the counts."""
     order = np.lexsort((items, component))
     new = np.diff(items[order], prepend=-1) != 0
     number = np.empty(len(items), np.int64)
@@ -207,7 +209,7 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 
 
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
-    """An assignment of largest total gain (m, n), and the least column prices that prove it.
+    """Return an assignment of largest gain (m, n), and the lowest column prices that prove it.
 
     Returns the column of each row (-1 for none), (m,), and v >= 0, (n,), with gain[i, j] - v[j] at
     most what row i has. The prices are the fixed point of v[j] = max over i of gain[i, j] - own
@@ -248,11 +250,11 @@ def _hold(states: States, weights: Floats) -> None:
     after[:-1] = np.where(states.pair[1:] == states.pair[:-1], weights[1:], 1.0)
     if size:
         before[0] = after[-1] = 1.0
-    held = np.flatnonzero(run & (before > 0) & (after > 0))
+    kept = np.flatnonzero(run & (before > 0) & (after > 0))
     whole = (weights * ONE).astype(np.int64)
     sides = [(slots.begin, slots.end) for slots in (states.rows, states.columns)]
     room = [ONE - slots.sums(whole) for slots in (states.rows, states.columns)]
-    for s in held[np.argsort(states.end[held] - states.begin[held], kind="stable")].tolist():
+    for s in kept[np.argsort(states.end[kept] - states.begin[kept], kind="stable")].tolist():
         spans = [r[begin[s] : end[s]] for r, (begin, end) in zip(room, sides, strict=True)]
         if all((span >= ONE).all() for span in spans):
             for span in spans:

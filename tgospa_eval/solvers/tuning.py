@@ -166,7 +166,7 @@ class Programming:
 
 
 class Crowding:
-    """Where weights are fractional nearly everywhere (`solvers.interior_point`)."""
+    """Settings where most weights are fractional (`solvers.interior_point`)."""
 
     size: int = 30_000
     undecided: float = 0.28
@@ -181,9 +181,9 @@ class Crowding:
     open by the simplex method. 0.22 in 50,100,20,2 and 100,100,30,2, which the simplex method
     solves twice as fast; 0.35 in 100,100,20,2."""
 
-    least: int = 2000
+    min_states: int = 2000
     reach: float = 0.02
-    least_reach: float = 0.001
+    min_reach: float = 0.001
     each: float = 3.0
     helped: float = 0.7
     widest: float = 4.0
@@ -227,7 +227,7 @@ class Windowing:
 class TimeWindowing:
     """Large components in windows of time (`solvers.batches`)."""
 
-    least: int = 400_000
+    min_states: int = 400_000
     steps: int = 300
     """Components of fewer states or steps are solved whole: half a million states take a second or
     more; of 310,000 states in 300 steps windows with 10 steps of overlap took 1.2 of the time."""

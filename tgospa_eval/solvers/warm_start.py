@@ -20,7 +20,7 @@ OVERFULL = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SavedSolution:
-    """What is saved of a solution, whatever the states of its problem were.
+    """Saved part of a solution, independent of the states of its problem.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class WarmStart:
     near: bool = False
 
     def between(self, state: slice, slot: slice) -> "WarmStart":
-        """The part of some blocks."""
+        """Return the part of some blocks."""
         return WarmStart(
             weights=tuple(weights[state] for weights in self.weights),
             prices=self.prices[slot],
@@ -90,7 +90,7 @@ class WarmStart:
 
 
 def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
-    """What is saved of feasible weights (S,), in units of 1/ONE, and prices (K,).
+    """Save feasible weights (S,), in units of 1/ONE, and prices (K,).
 
     States of a pair that follow each other with one weight are joined. What is held at the begin or
     the end of the window of its block is so from the first step, or to the last.
@@ -122,13 +122,13 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 
 
 def _estimates(states: States, number: Ints) -> Ints:
-    """The number of the estimate of each node that has column slots.
+    """Return the number of the estimate of each node that has column slots.
 
     Columns of transposed blocks are truths; they have one pair each, and no slots.
     """
-    found = np.zeros(states.nodes, np.int64)
-    found[states.pair_column] = number[states.pair_estimate]
-    return found
+    numbers = np.zeros(states.nodes, np.int64)
+    numbers[states.pair_column] = number[states.pair_estimate]
+    return numbers
 
 
 def make_warm_start(
@@ -137,7 +137,7 @@ def make_warm_start(
     shares: tuple[float, ...],
     origin: tuple[Ints, Ints, Ints] | None = None,
 ) -> WarmStart:
-    """The assignments of neighbours, and their prices in so many shares.
+    """Build a start from the assignments of neighbours, and shares of their prices.
 
     A state has the weight that its pair had where it begins; a slot has the prices that its
     estimate was paid while it lasts. How they are spread over a slot means nothing. `origin` says
@@ -159,18 +159,18 @@ def make_warm_start(
         place, running = part.running_prices
         low, high = np.searchsorted(place, (begin, end))
         prices += share * (running[high] - running[low])
-    weights = tuple(_feasible(states, _held(part, sought)) for part in saved)
+    weights = tuple(_feasible(states, _weights_at(part, sought)) for part in saved)
     return WarmStart(weights=weights, prices=prices)
 
 
 def _feasible(states: States, weights: Floats) -> Floats:
-    """The weights, 0 in blocks where they overfill a row or a column at some step."""
+    """Return the weights, 0 in blocks where they overfill a row or a column at some step."""
     used = np.flatnonzero(weights)
     begin, end = states.begin[used], states.end[used]
     pair = states.pair[used]
     full = np.zeros(len(states.block_begin), bool)
     for node in (states.pair_row[pair], states.pair_column[pair]):
-        # What ends comes before what begins at the next step.
+        # Runs that end sort before runs that begin at the next step.
         moment = np.concatenate((begin * np.int64(2) + 1, end * np.int64(2) + 2))
         change = np.concatenate((weights[used], -weights[used]))
         whose = np.concatenate((node, node))
@@ -182,10 +182,10 @@ def _feasible(states: States, weights: Floats) -> Floats:
     return np.where(states.states_of(full), 0.0, weights)
 
 
-def _held(saved: SavedSolution, sought: Ints) -> Floats:
+def _weights_at(saved: SavedSolution, sought: Ints) -> Floats:
     begin, end, weight = saved.runs
     if not len(begin):
         return np.zeros(len(sought))
     at = np.searchsorted(begin, sought, side="right") - 1
-    found = (at >= 0) & (sought <= end[at])
-    return np.where(found, weight[at], 0.0)
+    inside = (at >= 0) & (sought <= end[at])
+    return np.where(inside, weight[at], 0.0)

@@ -1,1 +1,1 @@
-"""What is compared: trajectories, their states, and the steps that both sides share."""
+"""Trajectories, their states, and the steps that both sides share."""

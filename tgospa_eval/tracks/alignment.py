@@ -30,7 +30,7 @@ Times = NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class TimeMatching:
-    """What makes two stamps one step, and which steps count.
+    """Rules by which times of both sides are one step, and by which steps count.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class TimeMatching:
         second one is the longest between two reports of an estimate that are one run.
     resample : float or str, optional
         The multiples of this, from the truth's first stamp to its last, are the steps: the truth is
-        interpolated there, reports of the estimate hold for its period, see `Held`.
+        interpolated there, reports of the estimate hold for its period, see `ClockReports`.
     period : float or str, optional
         Of the reports of the estimate; by default the median interval of those of a track.
     steps : Steps, optional
@@ -95,7 +95,7 @@ class TimeMatching:
         self._check_together()
 
     def _check_together(self) -> None:
-        """Whether the settings fit each other.
+        """Check that the settings fit each other.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class TimeMatching:
             raise ConfigError(f"{self.decided} says which steps count; leave {option('grid')} out")
 
     def check_units(self, clock: str) -> None:
-        """Whether durations with units are of stamps that are times.
+        """Check that durations with units are used with times, not with plain numbers.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class TimeMatching:
 
     @property
     def of_estimate(self) -> bool:
-        """Whether stamps of the estimate say which steps count, but for its outages."""
+        """True if times of the estimate decide which steps count, except for its outages."""
         if self.interpolate == "truth":
             return True
         return self.grid in ("estimate", "common") and not self.decided
@@ -197,20 +197,20 @@ class TimeMatching:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON."""
-        found: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
+        """Settings that change the number, by their JSON names."""
+        record: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
         for name in ("interpolate", "resample", "period", "outage"):
             if getattr(self, name) is not None:
-                found[name] = getattr(self, name)
+                record[name] = getattr(self, name)
         if self.max_gap is not None:
-            found["max_gap"] = self.gaps[0] if len(self.gaps) == 1 else list(self.gaps)
+            record["max_gap"] = self.gaps[0] if len(self.gaps) == 1 else list(self.gaps)
         if self.steps is not None:
-            found["steps"] = self.steps.text
-        return found
+            record["steps"] = self.steps.text
+        return record
 
 
 def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
-    """The longest gaps, of the truth and perhaps of the estimate.
+    """Return the longest gaps, of the truth and perhaps of the estimate.
 
     Raises
     ------
@@ -244,7 +244,7 @@ class Alignment:
         The largest difference of such a pair, in seconds or the unit of the stamps.
     left_out : pair of int
         Rows of the two sides at steps that do not count.
-    held : Held, optional
+    reports : ClockReports, optional
         Reports of which the rows of the estimate are: pairs are judged at their stamps.
     """
 
@@ -254,7 +254,7 @@ class Alignment:
     common: int
     joined: int
     left_out: tuple[int, int]
-    held: "Held | None" = None
+    reports: "ClockReports | None" = None
     farthest: float = 0.0
 
 
@@ -263,11 +263,11 @@ def align(
     estimate: Trajectories,
     matching: TimeMatching | None = None,
     names: tuple[str, str] = ("truth", "estimate"),
-    charged: Times | None = None,
+    outage_times: Times | None = None,
 ) -> Alignment:
     """Put both on one grid; `names` are for messages.
 
-    Stamps of the truth in outages of the estimate, which are `charged`, count in any case.
+    Stamps of the truth in outages of the estimate, which are `outage_times`, count in any case.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def align(
         own = second
         second, close = joined_to(second, first, matching.near, clock)
         joined = int(np.count_nonzero(close))
-        moved = float(apart_of(own, second).max(initial=0))
+        moved = float(time_differences(own, second).max(initial=0))
         farthest = moved / (SECOND if clock != "number" else 1)
     times = _union(first, second)
     on = np.searchsorted(times, first), np.searchsorted(times, second)
@@ -304,11 +304,11 @@ def align(
     both = has.all(axis=0)
     chosen = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1], "common": both}
     counted = chosen[matching.grid]
-    if charged is not None:
-        counted = counted | np.isin(times, charged)
+    if outage_times is not None:
+        counted = counted | np.isin(times, outage_times)
 
     def on_steps(side: Trajectories, at: Ints) -> Trajectories:
-        """The side on those of the times that count."""
+        """Return the side on those of the times that count."""
         step = at[side.step] if len(at) else side.step
         if counted.all():
             return replace(side, step=step, times=times, clock=clock, labels=labels)
@@ -330,7 +330,7 @@ def align(
 
 
 def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
-    """Pairs of stamps of which each is the nearest of the other side, ties to the earlier.
+    """Return pairs of times that are each the nearest of the other side; ties go to the earlier.
 
     Positions in the two sides, increasing, and the distances, uint64 or float; both sides must have
     some. The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and
@@ -339,38 +339,38 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
     other = there[mine]
-    return mine, other, apart_of(first[mine], second[other])
+    return mine, other, time_differences(first[mine], second[other])
 
 
 def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
-    """Own stamps, those of the other side where they are the same but for the tolerance.
+    """Return own times, replaced by those of the other side within the tolerance.
 
     And which of the pairs of nearest stamps those are.
     """
-    first, second, apart = nearest(mine, theirs)
-    close = (apart > 0) & within(apart, tolerance, (mine, theirs), clock)
+    first, second, difference = nearest(mine, theirs)
+    close = (difference > 0) & within(difference, tolerance, (mine, theirs), clock)
     joined = mine.astype(np.result_type(mine, theirs))
     joined[first[close]] = theirs[second[close]]
     return joined, close
 
 
-def within(apart: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
-    """Whether distances of stamps are within the tolerance.
+def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
+    """Return whether differences of times are within the tolerance.
 
     Decimal stamps are rounded when they are read, by half a spacing of doubles each; a distance
     that exceeds the tolerance by no more is that of the decimals that were written.
     """
-    if apart.dtype.kind == "u":
-        most = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
-        # Rounded to a tenth first: 0.29 s are 290,000,000 ns, though the product is below that.
-        return np.asarray(apart <= min(math.floor(round(most, 1)), 2**64 - 1))
-    return np.asarray(apart <= tolerance + _spacing(*sides))
+    if difference.dtype.kind == "u":
+        bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
+        # Rounded first, as 0.29 s times 1e9 is less than 290,000,000 ns.
+        return np.asarray(difference <= min(math.floor(round(bound, 1)), 2**64 - 1))
+    return np.asarray(difference <= tolerance + _spacing(*sides))
 
 
 def comparable(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Times, Times]:
-    """The stamps of both, where they can be compared exactly; `names` are for messages.
+    """Return the times of both sides if exactly comparable; `names` are for messages.
 
     Raises
     ------
@@ -406,32 +406,34 @@ def comparable(
 
 
 def _nearest(own: Times, other: Times) -> Ints:
-    """Position of the nearest of the others for each, ties to the earlier."""
+    """Return the position of the nearest other time for each; ties go to the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
-    left, right = apart_of(own, other[before]), apart_of(own, other[after])
-    if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
+    left, right = time_differences(own, other[before]), time_differences(own, other[after])
+    if left.dtype.kind == "f":  # decimals may tie but for rounding
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
-def apart_of(a: Times, b: Times) -> Times:
-    """Distances; of integers as uint64, which holds any, by arithmetic modulo 2^64."""
+def time_differences(a: Times, b: Times) -> Times:
+    """Return absolute differences; of integers as uint64, which holds any, modulo 2^64."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
-    with np.errstate(over="ignore"):  # farther than any number is far
+    with np.errstate(over="ignore"):  # an overflow to inf is right
         return np.abs(np.subtract(a, b, dtype=np.float64))
 
 
 def _spacing(*sides: Times) -> float:
-    """From the largest stamp to the next double; np.spacing overflows at the last one."""
+    """Return the distance from the largest time to the next double; np.spacing overflows."""
     largest = max(float(np.abs(side).max()) for side in sides)
     return float(np.spacing(min(largest, 2.0**1023)))
 
 
 def _union(first: Times, second: Times) -> Times:
-    """Each of the values once, in order. np.union1d imports numpy.ma, slower than most runs."""
-    both = np.sort(np.concatenate((first, second)), kind="stable")  # stable merges sorted runs
+    """Return the distinct values in order. np.union1d imports numpy.ma, slower than most runs."""
+    both = np.sort(
+        np.concatenate((first, second)), kind="stable"
+    )  # a stable sort merges sorted runs
     fresh = np.ones(len(both), bool)
     np.not_equal(both[1:], both[:-1], out=fresh[1:])
     return both[fresh]
@@ -444,15 +446,15 @@ Sides = tuple[Trajectories, Trajectories]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Held:
-    """Which report each row of an estimate on the clock is.
+class ClockReports:
+    """Reports of an estimate on a common clock: the report of each row.
 
     Parameters
     ----------
-    reports : Trajectories
+    estimate : Trajectories
         The estimate as it was read.
     row : (R,) int array
-        Of each row on the clock the row of `reports`.
+        Of each row on the clock the row of `estimate`.
     truths : (n,) object array
         Ids of the whole truth.
     truth_at : callable
@@ -463,29 +465,29 @@ class Held:
         Whether the user named it.
     source : str
         What it was taken from, where nobody did.
-    alone : int
+    single : int
         Reports whose track has no other one near in time.
     """
 
-    reports: Trajectories
+    estimate: Trajectories
     row: Ints
     truths: np.ndarray
     truth_at: Callable[[Trajectories], Trajectories]
     period: float
     declared: bool
     source: str
-    alone: int
+    single: int
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
         return {name: k for k, name in enumerate(self.truths.tolist())}
 
     def number(self, side: Trajectories) -> Ints:
-        """Numbers of the truths of a side among all."""
+        """Return the numbers of a side's truths among all truths."""
         return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
 
     def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:
-        """Truth and reports at the stamps of reports, some stamps together, and the reports.
+        """Yield truth and reports at the times of the reports, some times together, and their rows.
 
         Parameters
         ----------
@@ -493,22 +495,22 @@ class Held:
             The reports that are needed, in order; by default all that hold somewhere.
         """
         rows = np.unique(self.row) if rows is None else rows
-        steps, at = np.unique(self.reports.step[rows], return_inverse=True)
+        steps, at = np.unique(self.estimate.step[rows], return_inverse=True)
         together = max(ROWS_TOGETHER // max(len(self.truths), 1), 1)
-        times, labels = self.reports.times[steps], self.reports.labels
+        times, labels = self.estimate.times[steps], self.estimate.labels
         for begin in range(0, len(steps), together):
             part = slice(begin, begin + together)
             some = (at >= begin) & (at < begin + together)
             own = None if labels is None else labels[steps[part]]
-            reports = self.reports.chosen(rows[some], at[some] - begin, times[part], own)
+            reports = self.estimate.chosen(rows[some], at[some] - begin, times[part], own)
             yield (self.truth_at(reports), reports), rows[some]
 
-    def on_clock(self, found: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
-        """Pairs of truths and reports as pairs of rows on the clock, where both are.
+    def on_clock(self, pairs: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
+        """Convert pairs of truths and reports to pairs of rows on the clock where both exist.
 
         Parameters
         ----------
-        found : tuple of (N,) arrays
+        pairs : tuple of (N,) arrays
             Number of the truth, row of the report, distance.
         sides : pair of Trajectories
             Both on the clock.
@@ -519,11 +521,11 @@ class Held:
             Rows of truth and estimate, in order, and distances.
         """
         truth, estimate = sides
-        track, report, distance = found
+        track, report, distance = pairs
         own = np.full(max(len(self.truths), 1), -1)
         own[self.number(truth)] = np.arange(len(truth.ids))
         order = np.argsort(report, kind="stable")
-        count = np.bincount(report, minlength=len(self.reports.step))
+        count = np.bincount(report, minlength=len(self.estimate.step))
         first = np.cumsum(count) - count
         pair = order[concatenated(first[self.row], count[self.row])]
         estimate_row = np.repeat(np.arange(len(self.row)), count[self.row])
@@ -534,7 +536,7 @@ class Held:
         return row[there][order], estimate_row, distance[pair]
 
     def located(self, names: np.ndarray, rows: Ints) -> Sides:
-        """Pairs of truths and rows on the clock as two sides with a row each, as they are judged.
+        """Return pairs of truths and rows on the clock as two sides, at the times of the reports.
 
         Parameters
         ----------
@@ -545,7 +547,7 @@ class Held:
         """
         report = self.row[rows]
         track = np.array([self._numbers[name] for name in names.tolist()], np.int64)
-        state = np.empty((len(report), len(self.reports.columns)))
+        state = np.empty((len(report), len(self.estimate.columns)))
         covariance: Floats | None = None
         for (truth, part), own in self.blocks(np.unique(report)):
             mine = np.flatnonzero(np.isin(report, own))
@@ -560,7 +562,7 @@ class Held:
                 covariance[mine] = truth.covariance[row]
         steps = np.arange(len(report))
         estimate = replace(
-            self.reports.chosen(report, steps, steps, None, "number"),
+            self.estimate.chosen(report, steps, steps, None, "number"),
             track=np.zeros(len(report), np.int64),
             ids=np.array([""], dtype=object),
             attributes={},
@@ -570,7 +572,7 @@ class Held:
 
 
 def find_rows(side: Trajectories, step: Ints, track: Ints) -> tuple[Ints, Mask]:
-    """Rows of a side by step and track, and where there is one; no track is -1."""
+    """Find the rows of a side by step and track, and whether there is one; no track is -1."""
     if not len(side.step):
         return np.zeros(len(step), np.int64), np.zeros(len(step), bool)
     size = len(side.ids)

@@ -25,7 +25,7 @@ UNEVEN_SUM = 1e-3
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
-    """Whether sums of so many weights are 1 but for rounding: such weights are kept as given."""
+    """Return whether sums of weights are 1 but for rounding: such weights are kept as given."""
     return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
 
@@ -89,7 +89,7 @@ class Clouds:
         return np.diff(self.first)
 
     def sums(self, values: Floats) -> Floats:
-        """Sums over each cloud (R, ...) of values of the particles (P, ...)."""
+        """Return the sums (R, ...) over each cloud of values of the particles (P, ...)."""
         if not len(self):
             return np.zeros((0, *values.shape[1:]))
         return np.asarray(np.add.reduceat(values, self.first[:-1]))
@@ -98,31 +98,31 @@ class Clouds:
     def means(self) -> Floats:
         """Weighted means (R, d), from differences to a particle of the cloud each."""
         centre = self.points[self.first[:-1]]
-        apart = self.points - np.repeat(centre, self.counts, axis=0)
-        return np.asarray(centre + self.sums(self.weights[:, None] * apart))
+        difference = self.points - np.repeat(centre, self.counts, axis=0)
+        return np.asarray(centre + self.sums(self.weights[:, None] * difference))
 
     @cached_property
     def covariances(self) -> Floats:
         """Weighted covariances (R, d, d), with the divisor 1."""
-        apart = self.points - np.repeat(self.means, self.counts, axis=0)
-        size = apart.shape[1]
-        found = np.empty((len(self), size, size))
+        difference = self.points - np.repeat(self.means, self.counts, axis=0)
+        size = difference.shape[1]
+        matrices = np.empty((len(self), size, size))
         for i in range(size):
             for j in range(i + 1):
-                found[:, i, j] = found[:, j, i] = self.sums(
-                    self.weights * apart[:, i] * apart[:, j]
+                matrices[:, i, j] = matrices[:, j, i] = self.sums(
+                    self.weights * difference[:, i] * difference[:, j]
                 )
-        return found
+        return matrices
 
     def chosen(self, rows: Ints) -> "Clouds":
-        """Some of the clouds, in order."""
+        """Return some of the clouds, in order."""
         counts = self.counts[rows]
         at = concatenated(self.first[:-1][rows], counts)
         first = np.concatenate(([0], np.cumsum(counts)))
         return Clouds(points=self.points[at], weights=self.weights[at], first=first)
 
     def merged(self) -> "Clouds":
-        """The same measures, each particle of a cloud once and none without weight."""
+        """Merge equal particles of each cloud, and leave out those without weight."""
         if len(self.points) == len(self):
             return self
         row = np.repeat(np.arange(len(self)), self.counts)
@@ -141,7 +141,7 @@ class Clouds:
         )
 
     def moved(self, points: Floats) -> "Clouds":
-        """The same weights elsewhere."""
+        """Return the same weights at other points."""
         return replace(self, points=points)
 
     def changed(
@@ -150,13 +150,13 @@ class Clouds:
         jobs: int | None,
         passed: Callable[[Iterator[Changed]], Iterator[Cloud]],
     ) -> "Clouds":
-        """Each cloud changed by a function, in so many threads, and as `passed` lets it go by."""
-        found = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
-        return joined(list(passed(found)), self)
+        """Apply a function to each cloud, in some threads; `passed` sees the clouds in order."""
+        clouds = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
+        return joined(list(passed(clouds)), self)
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:
-    """Clouds one behind the other; `like` has the number of components for none."""
+    """Join clouds one behind the other; `like` gives the number of components if there are none."""
     if not clouds:
         return like
     return Clouds(
@@ -167,5 +167,5 @@ def joined(clouds: list[Cloud], like: Clouds) -> Clouds:
 
 
 def single(state: Floats) -> Clouds:
-    """Points (R, d) as clouds of one particle each."""
+    """Return points (R, d) as clouds of one particle each."""
     return Clouds(points=state, weights=np.ones(len(state)), first=np.arange(len(state) + 1))

@@ -54,7 +54,7 @@ class Duration(float):
 
     @classmethod
     def of(cls, given: object, name: str) -> Self:
-        """What is meant by a number, or a text such as ``20ms`` or ``30min``.
+        """Parse a number, or a text such as ``20ms`` or ``30min``.
 
         Raises
         ------
@@ -65,14 +65,14 @@ class Duration(float):
             return given
         value, unit = given, ""
         if isinstance(given, str):
-            found = DURATION.fullmatch(given)
-            if found is None or found[2] not in ("", *TIME_UNITS):
+            match = DURATION.fullmatch(given)
+            if match is None or match[2] not in ("", *TIME_UNITS):
                 raise ConfigError(
                     f"{name} is {quoted(given)}: must be a number, or one with a unit of "
                     f"{', '.join(TIME_UNITS)}, such as 20ms"
                 )
-            unit = found[2]
-            value = float(found[1]) * TIME_UNITS[unit] / SECOND if unit else float(found[1])
+            unit = match[2]
+            value = float(match[1]) * TIME_UNITS[unit] / SECOND if unit else float(match[1])
         if isinstance(value, bool) or not isinstance(value, int | float | np.number):
             raise ConfigError(f"{name} is {given!r}: must be a number, or a text such as 20ms")
         if not 0 <= value < math.inf:
@@ -83,7 +83,7 @@ class Duration(float):
         return made
 
     def check(self, clock: str, name: str, remedy: str = "give a number in their unit") -> None:
-        """Whether stamps of this kind have seconds, if it has a unit.
+        """Check that times of this kind count seconds, if the duration has a unit.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class Duration(float):
 
     @property
     def nanoseconds(self) -> int:
-        """Of stamps that are times."""
+        """The duration in nanoseconds."""
         return round(float(self) * SECOND)
 
 
@@ -125,7 +125,7 @@ class Steps:
     text: str
 
     def ticks(self) -> TimeArray:
-        """The steps (K,), each the number that its decimals say.
+        """Return the steps (K,), each the number that its decimals say.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class Steps:
 
 
 def signed_seconds(given: object, name: str) -> float:
-    """Seconds, or the unit of stamps that are numbers, of a number or a text such as ``-500ms``.
+    """Parse a number or a text such as ``-500ms`` to seconds, or the unit of numeric times.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def signed_seconds(given: object, name: str) -> float:
 
 
 def multiples(first: int | float, last: int | float, every: Duration, clock: str) -> TimeArray:
-    """The multiples of a duration from one stamp to another, ends included.
+    """Return the multiples of a duration from one time to another, ends included.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def stretch(
     *,
     aligned: bool = False,
 ) -> TimeArray:
-    """Stamps `every` apart, from the first or from its next multiple on.
+    """Return times with the spacing `every`, from the first or from its next multiple on.
 
     They are decimals counted in integers, so that the third of 0.1 is 0.3.
     """
@@ -201,10 +201,10 @@ def stretch(
     count = max((end - begin) // step + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(f"{name}: has {count:,} steps; at most {MAX_STEPS:,} are evaluated")
-    found = [begin + k * step for k in range(count)]
-    if scale == 1 and all(-(2**63) <= x < 2**63 for x in found[:1] + found[-1:]):
-        return np.array(found, np.int64)
-    return np.array([x / scale for x in found], float)  # of integers: rounded once
+    ticks = [begin + k * step for k in range(count)]
+    if scale == 1 and all(-(2**63) <= x < 2**63 for x in ticks[:1] + ticks[-1:]):
+        return np.array(ticks, np.int64)
+    return np.array([x / scale for x in ticks], float)  # rounded once, from integers
 
 
 EXACT_INTEGERS = 2.0**53
@@ -214,7 +214,7 @@ DIGITS_OF_SUMS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Conversion:
-    """From the stamps and states of one side to those that are compared.
+    """Conversion of the times and states of one side to those that are compared.
 
     Parameters
     ----------
@@ -255,16 +255,16 @@ class Conversion:
             object.__setattr__(self, name, value + 0.0)
 
     def recorded_of(self, role: str) -> dict[str, object]:
-        """What changes something of a truth or an estimate, by the names of the JSON."""
+        """Return the settings that change a truth or an estimate, by their JSON names."""
         neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
         values = {name: getattr(self, name) for name in neutral}
-        found: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
-        return found | ({f"{role}_scale": dict(self.scale)} if self.scale else {})
+        record: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
+        return record | ({f"{role}_scale": dict(self.scale)} if self.scale else {})
 
     def times(
         self, times: TimeArray, clock: str, labels: NDArray[np.object_] | None, name: str
     ) -> tuple[TimeArray, NDArray[np.object_] | None]:
-        """Stamps (T,) that increase strictly, and as they are shown, on the other clock.
+        """Convert strictly increasing times (T,), and their labels, to the other clock.
 
         Raises
         ------
@@ -287,16 +287,16 @@ class Conversion:
         exact = Context(prec=DIGITS_OF_SUMS, traps=[Overflow])
         factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
         try:
-            found = [exact.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
+            values = [exact.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
         except Overflow:
             raise ConfigError(_beyond(name)) from None
-        size = max(abs(found[0]), abs(found[-1]))
-        whole = all(value == value.to_integral_value() for value in found)
+        size = max(abs(values[0]), abs(values[-1]))
+        whole = all(value == value.to_integral_value() for value in values)
         converted: TimeArray
         if whole and size < 2**63 and (times.dtype.kind == "i" or size >= EXACT_INTEGERS):
-            converted = np.array([int(value) for value in found], np.int64)
+            converted = np.array([int(value) for value in values], np.int64)
         else:
-            converted = np.array([float(value) for value in found]) + 0.0
+            converted = np.array([float(value) for value in values]) + 0.0
         if not np.isfinite(converted[[0, -1]].astype(float)).all():
             raise ConfigError(_beyond(name))
         same = np.flatnonzero(converted[1:] <= converted[:-1])
@@ -310,7 +310,7 @@ class Conversion:
         return converted, None
 
     def _times_undone(self, side: Trajectories) -> Trajectories:
-        """Stamps as they were: of doubles around a quotient the one that becomes the stamp."""
+        """Convert times back; of the doubles near a quotient, use the one that converts exactly."""
         if self.time_offset == 0 and self.time_scale == 1:
             return side
         if side.clock != "number":
@@ -337,11 +337,11 @@ class Conversion:
                     return one
             return near
 
-        found = [before(time) for time in side.times.tolist()]
-        return replace(side, times=np.array(found, None if found else side.times.dtype))
+        originals = [before(time) for time in side.times.tolist()]
+        return replace(side, times=np.array(originals, None if originals else side.times.dtype))
 
     def undone(self, side: Trajectories) -> Trajectories:
-        """The side in the units from which this converts, as near as doubles are.
+        """Convert a side back to its own units, as exactly as doubles allow.
 
         What was converted is converted to the same again, but for columns that became subnormal.
         """
@@ -370,7 +370,7 @@ class Conversion:
         return cast(TimeArray, times + np.int64(by))
 
     def factors(self, columns: tuple[str, ...]) -> Floats | None:
-        """What each state column is multiplied by; None if nothing changes.
+        """Return the factor of each state column; None if nothing changes.
 
         Raises
         ------
@@ -399,7 +399,7 @@ class Conversion:
         )
 
     def __call__(self, side: Trajectories, name: str) -> Trajectories:
-        """The side in the other units; `name` is for messages."""
+        """Convert a side to the other units; `name` is for messages."""
         times, labels = self.times(side.times, side.clock, side.labels, name)
         moved = side if times is side.times else replace(side, times=times, labels=labels)
         factors = self.factors(side.columns)
@@ -416,7 +416,7 @@ class Conversion:
 
 
 def scaled(state: Floats, factors: Floats, name: str) -> Floats:
-    """States (R, d), each column times its factor.
+    """Multiply each column of states (R, d) by its factor.
 
     Raises
     ------
@@ -424,23 +424,23 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
         One is too large for a number.
     """
     with np.errstate(over="ignore"):
-        found = state * factors
-    if np.isinf(found).any():
+        product = state * factors
+    if np.isinf(product).any():
         raise ConfigError(f"{name}: a state becomes too large for a number by its scale")
-    return found
+    return product
 
 
 def _divided(values: Floats, factors: Floats) -> Floats:
-    """Quotients, of the doubles around each the one whose product is the value, if there is one."""
-    found = values / factors
+    """Divide so that the product gives the value again, if a double near the quotient does."""
+    ratio = values / factors
     for toward in (-np.inf, np.inf):
-        other = np.nextafter(found, toward)
-        found = np.where((found * factors != values) & (other * factors == values), other, found)
-    return found
+        other = np.nextafter(ratio, toward)
+        ratio = np.where((ratio * factors != values) & (other * factors == values), other, ratio)
+    return ratio
 
 
 def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:
-    """Covariances as lower triangles (R, d (d + 1) / 2), of states times the factors."""
+    """Scale covariances, given as lower triangles (R, d (d + 1) / 2), as states are scaled."""
     row, column = np.tril_indices(len(factors))
     with np.errstate(over="ignore"):
         squares = factors[row] * factors[column]
@@ -452,7 +452,7 @@ def _beyond(name: str) -> str:
 
 
 def iso(nanoseconds: int, clock: str) -> str:
-    """A moment as ISO-8601, in UTC where it has a zone, with the digits that it needs."""
+    """Format a time as ISO-8601, in UTC if it has a zone, with as many digits as it needs."""
     seconds, rest = divmod(nanoseconds, SECOND)
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
     fraction = f".{rest:09d}".rstrip("0") if rest else ""

@@ -20,7 +20,7 @@ MACHINE_EPSILON = 2.0**-52
 ROUNDED_EIGENVALUE = 1e-13
 """Least eigenvalue over the largest, negated, up to which it is rounding."""
 
-CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
+CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # decimals that are just a thousandth count, too
 """The same, up to which a matrix is taken for a covariance that was written with few digits."""
 
 LARGEST_VARIANCE = 1e150
@@ -37,18 +37,18 @@ MATRICES_TOGETHER = 1 << 13
 
 
 def size_of(count: int) -> int:
-    """The d of d (d + 1) / 2 numbers."""
+    """Return the d of d (d + 1) / 2 numbers."""
     return (math.isqrt(8 * count + 1) - 1) // 2
 
 
 def pack(matrices: Floats) -> Floats:
-    """Lower triangles (d (d + 1) / 2, R) of matrices (R, d, d)."""
+    """Pack matrices (R, d, d) as lower triangles (d (d + 1) / 2, R)."""
     row, column = np.tril_indices(matrices.shape[-1])
     return np.ascontiguousarray(matrices[:, row, column].T)
 
 
 def unpack(packed: Floats, *, lower: bool = False) -> Floats:
-    """Matrices (R, d, d) of lower triangles (d (d + 1) / 2, R): symmetric, or lower ones."""
+    """Unpack lower triangles (d (d + 1) / 2, R) to matrices (R, d, d), symmetric or lower."""
     d = size_of(len(packed))
     row, column = np.tril_indices(d)
     matrices = np.zeros((packed.shape[1], d, d))
@@ -59,7 +59,7 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 
 
 def factor(packed: Floats) -> Floats:
-    """Lower factors L of covariances C = L L', packed alike; of singular ones, too.
+    """Return lower factors L of covariances C = L L', packed alike; of singular ones, too.
 
     ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards: the
     first is 0 where it is no more than rounding, and ``|L_ij|`` at most the root of what is left of
@@ -71,38 +71,38 @@ def factor(packed: Floats) -> Floats:
         return np.sqrt(np.maximum(packed, 0.0))
     if d == 2:
         return _factor_two(*packed)
-    found, share = _factor_many(packed)
+    factors, share = _factor_many(packed)
     ill = np.flatnonzero(share < ILL)
     for begin in range(0, len(ill), MATRICES_TOGETHER):
         part = ill[begin : begin + MATRICES_TOGETHER]
-        found[:, part] = _factor_pivoted(packed[:, part])
-    return found
+        factors[:, part] = _factor_pivoted(packed[:, part])
+    return factors
 
 
 def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
-    """``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
-    found = np.zeros((3, len(a)))
+    """Return ``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
+    factors = np.zeros((3, len(a)))
     a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
-    np.sqrt(a, out=found[0])
-    most = np.sqrt(c)
+    np.sqrt(a, out=factors[0])
+    bound = np.sqrt(c)
     left = c.copy()
-    # What overflows, where it is a covariance but for rounding, is cut, or below 0.
+    # An overflow, of a covariance but for rounding, is clipped or below 0.
     with np.errstate(over="ignore"):
-        np.divide(b, found[0], out=found[1], where=a > 0)
-        np.clip(found[1], -most, most, out=found[1])
+        np.divide(b, factors[0], out=factors[1], where=a > 0)
+        np.clip(factors[1], -bound, bound, out=factors[1])
         np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
-    np.sqrt(left, out=found[2], where=left > 4 * MACHINE_EPSILON * c)
-    return found
+    np.sqrt(left, out=factors[2], where=left > 4 * MACHINE_EPSILON * c)
+    return factors
 
 
 def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
-    """``a c - b b``, the products exact: Dekker's two parts of each."""
+    """Return ``a c - b b`` with exact products, by Dekker's splitting."""
     first, second = a * c, b * b
     return (first - second) + (_rest(a, c, first) - _rest(b, b, second))
 
 
 def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
-    """``a b - product`` for the rounded product."""
+    """Return ``a b - product`` for the rounded product."""
     a_high, b_high = (
         (134217729.0 * x) - (134217729.0 * x - x)
         for x in (a, b)  # 2^27 + 1
@@ -113,10 +113,10 @@ def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
 
 
 def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
-    """Factors, and the least share of a variance that is left by the components before."""
+    """Return factors, and the smallest share of a variance left by earlier components."""
     d = size_of(len(packed))
     at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
-    found = np.zeros_like(packed)
+    factors = np.zeros_like(packed)
     variance = [np.maximum(packed[at[i, i]], 0.0) for i in range(d)]
     left = [v.copy() for v in variance]
     share = np.ones(packed.shape[1])
@@ -124,21 +124,21 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
         own = np.divide(left[j], variance[j], out=np.ones_like(share), where=variance[j] > 0)
         np.minimum(share, own, out=share)
         positive = left[j] > 0
-        pivot = found[at[j, j]]
+        pivot = factors[at[j, j]]
         np.sqrt(left[j], out=pivot, where=positive)
         for i in range(j + 1, d):
-            entry = found[at[i, j]]
-            rest = packed[at[i, j]] - sum(found[at[i, k]] * found[at[j, k]] for k in range(j))
-            with np.errstate(over="ignore"):  # is cut
+            entry = factors[at[i, j]]
+            rest = packed[at[i, j]] - sum(factors[at[i, k]] * factors[at[j, k]] for k in range(j))
+            with np.errstate(over="ignore"):  # clipped below
                 np.divide(rest, pivot, out=entry, where=positive)
-            most = np.sqrt(np.maximum(left[i], 0.0))
-            np.clip(entry, -most, most, out=entry)
+            bound = np.sqrt(np.maximum(left[i], 0.0))
+            np.clip(entry, -bound, bound, out=entry)
             left[i] -= entry * entry
-    return found, share
+    return factors, share
 
 
 def _factor_pivoted(packed: Floats) -> Floats:
-    """Factors of matrices that are singular, or nearly so.
+    """Factor matrices that are singular, or nearly so.
 
     Of correlations, in extended precision as far as the machine has it, the largest of what is left
     first: so no rounding of an entry is enlarged, nor what it leaves of a rank taken for one. The
@@ -151,28 +151,28 @@ def _factor_pivoted(packed: Floats) -> Floats:
     unit = np.where(deviation > 0, deviation, 1)
     matrices /= unit[:, :, None]
     matrices /= unit[:, None, :]
-    found = np.zeros_like(matrices)
+    factors = np.zeros_like(matrices)
     left = np.where(deviation > 0, np.longdouble(1), np.longdouble(0))
     for k in range(d):
         pivot = np.argmax(left, axis=1)
         size = left[row, pivot]
         positive = size > 4 * d * MACHINE_EPSILON
         root = np.sqrt(np.where(positive, size, 1))
-        known = (found[:, :, :k] * found[row, pivot, None, :k]).sum(axis=2)
+        known = (factors[:, :, :k] * factors[row, pivot, None, :k]).sum(axis=2)
         entry = (matrices[row, :, pivot] - known) / root[:, None]
-        most = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
-        entry = np.where(positive[:, None], np.clip(entry, -most, most), 0)
-        found[:, :, k] = entry
+        bound = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
+        entry = np.where(positive[:, None], np.clip(entry, -bound, bound), 0)
+        factors[:, :, k] = entry
         left -= entry * entry
         left[row, pivot] = -1  # never again
-    columns = (found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
+    columns = (factors * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
     upper = np.asarray(np.linalg.qr(columns, mode="r"))
     upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
     return pack(upper.transpose(0, 2, 1))
 
 
 def project(packed: Floats) -> tuple[Floats, Floats]:
-    """``V max(E, 0) V'`` of ``C = V E V'``, the nearest without negative eigenvalues.
+    """Return ``V max(E, 0) V'`` of ``C = V E V'``, the nearest without negative eigenvalues.
 
     Returns
     -------
@@ -213,7 +213,7 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
 def accept(
     packed: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """Covariances as they enter the distance, and notices of those that were changed.
+    """Return covariances that a distance can use, and notices about those that were changed.
 
     Parameters
     ----------
@@ -283,21 +283,21 @@ def accept(
 
 
 def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, Ints]:
-    """The mean of two entries that should be one, and where they are too different for that.
+    """Return the mean of two mirrored entries, and where they differ by more than rounding.
 
     They may differ by a millionth, or by rounding of the `scale`, the root of the product of the
     two variances.
     """
-    apart = np.abs(entry - mirrored)
+    difference = np.abs(entry - mirrored)
     largest = np.maximum(np.abs(entry), np.abs(mirrored))
-    wrong = apart > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
+    wrong = difference > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
     return entry + 0.5 * (mirrored - entry), np.flatnonzero(wrong)
 
 
 def from_matrices(
     matrices: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """As `accept`, of matrices (R, d, d); those that are not symmetric are refused, too."""
+    """Accept matrices (R, d, d) as `accept` does; refuse those that are not symmetric."""
     packed = pack(matrices)
     deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
     for k, (i, j) in enumerate(zip(*np.tril_indices(matrices.shape[1]), strict=True)):

@@ -1,4 +1,4 @@
-"""What a value is judged on: the horizon, and the truth that counts. One home for all verbs.
+"""Coverage of an evaluation: the horizon and the truth that count. One home for all verbs.
 
 Values per step divide by the horizon H: the stamps of the truth's file, or those that were
 declared; never by stamps of an estimate. Two values are comparable where both digests agree.
@@ -30,7 +30,7 @@ MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
 """Of truth and estimate the rule of ``--ignore`` that asks for its marks, and their column."""
 
-NOT_JUDGED = "\0not judged"
+NOT_COUNTED = "\0not judged"
 """The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
 No column of a file has such a name."""
 
@@ -46,7 +46,7 @@ MEANINGS: Mapping[object, bool] = {
 
 
 def marks_of(side: Trajectories, name: str) -> Mask:
-    """Which rows (R,) are marked in an attribute; none without it.
+    """Return which rows (R,) are marked in an attribute; none without it.
 
     Raises
     ------
@@ -57,10 +57,10 @@ def marks_of(side: Trajectories, name: str) -> Mask:
     if given is None:
         return np.zeros(len(side.step), bool)
     if given.dtype.kind == "f":
-        meant = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
+        marks = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
     else:
-        meant = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
-    found, odd = (np.array([mark is kind for mark in meant], bool) for kind in (True, None))
+        marks = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
+    is_marked, odd = (np.array([mark is kind for mark in marks], bool) for kind in (True, None))
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
@@ -68,15 +68,15 @@ def marks_of(side: Trajectories, name: str) -> Mask:
             f"t = {side.shown[side.step[row]]} is {quoted(str(given[row]))}; must be 0 or 1, false "
             "or true"
         )
-    return found
+    return is_marked
 
 
 def marked(side: Trajectories, rows: Mask) -> Trajectories:
-    """With these rows not judged, beside those that are not."""
+    """Mark these rows as not counted, beside those that are already."""
     if not rows.any():
         return side
-    marks = (marks_of(side, NOT_JUDGED) | rows).astype(np.float64)
-    return replace(side, attributes={**side.attributes, NOT_JUDGED: marks})
+    marks = (marks_of(side, NOT_COUNTED) | rows).astype(np.float64)
+    return replace(side, attributes={**side.attributes, NOT_COUNTED: marks})
 
 
 def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
@@ -97,7 +97,7 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
-JUDGED_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
+COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
 """What comparisons read of a record."""
 
 
@@ -115,14 +115,14 @@ NO_SUMS = (0,) * (1 + len(LANES))
 
 
 def judge_alike() -> str:
-    """What makes values comparable, for messages."""
+    """Return how to make values comparable, for messages."""
     ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
     return f"evaluate all on a common clock, {ways}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """What a value is judged on.
+    """Steps and truth states on which a value is evaluated.
 
     Parameters
     ----------
@@ -151,21 +151,21 @@ class Coverage:
 
     @property
     def each(self) -> int:
-        """What costs are divided by: the steps, at least 1."""
+        """Divisor of costs per step: the steps, at least 1."""
         return max(self.steps, 1)
 
     def row(self) -> dict[str, object]:
-        """The same for a table, where a column is of one type."""
+        """Return the record for a table, where each column has one type."""
         return {
             name: str(value) if name in ("first", "last") else value
             for name, value in self.record().items()
         }
 
     def record(self) -> dict[str, object]:
-        """As it stands in the JSON document."""
+        """Return the record for the JSON document."""
         first, last = (self.ends[0], self.ends[-1]) if self.ends else (None, None)
-        steps, *others = ((name, getattr(self, name)) for name in JUDGED_FIELDS)
-        return dict([steps, ("first", first), ("last", last), *others])
+        steps, *rest = ((name, getattr(self, name)) for name in COVERAGE_FIELDS)
+        return dict([steps, ("first", first), ("last", last), *rest])
 
 
 def judge(
@@ -176,7 +176,7 @@ def judge(
     states: int | None = None,
     at: int | None = None,
 ) -> Coverage:
-    """What an evaluation is judged on.
+    """Return the coverage of an evaluation.
 
     Parameters
     ----------
@@ -204,23 +204,23 @@ def judge(
 
 
 def _distinct(step: Ints) -> int:
-    """How many different steps, of rows in their order; np.unique imports numpy.ma, slowly."""
+    """Count the distinct steps of sorted rows; np.unique imports numpy.ma, slowly."""
     return int(np.count_nonzero(step[1:] != step[:-1])) + bool(len(step))
 
 
 def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
-    """Why values of these names have no order, in words: who was judged on how much; else blank.
+    """Return why values have no order, as they cover different steps or truth; else blank.
 
     Parameters
     ----------
     records : mapping of str to mapping
         What each was judged on, as `Coverage.record`.
     """
-    first, *others = records.values()
+    first, *rest = records.values()
     differing = [
         what
         for what, name in (("steps", "steps_sha256"), ("truth", "truth_sha256"))
-        if any(other[name] != first[name] for other in others)
+        if any(other[name] != first[name] for other in rest)
     ]
     if not differing:
         return ""
@@ -232,27 +232,27 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _steps_of(record: Mapping[str, Any]) -> str:
-    """At how many steps, of how many of the horizon; states may be at steps beside it."""
+    """Return the number of steps with truth, of those in the horizon; some may lie beside it."""
     at, horizon = record["truth_steps"], record["steps"]
     if at > horizon:
         return f"{counted(at, 'step')} (horizon: {horizon:,})"
     return f"{at:,} of {counted(horizon, 'step')}"
 
 
-def judged_of(row: Mapping[str, Any]) -> dict[str, Any]:
-    """What a comparison reads, of the row of a table."""
-    return {name: row[f"judged.{name}"] for name in JUDGED_FIELDS}
+def coverage_of(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the coverage that a comparison reads, from the row of a table."""
+    return {name: row[f"judged.{name}"] for name in COVERAGE_FIELDS}
 
 
 def digest_of_times(ticks: TimeArray, clock: str) -> str:
-    """SHA-256 of some times."""
+    """Return the SHA-256 of some times."""
     sha = hashlib.sha256(clock.encode())
     _add(sha, whole(ticks))
     return sha.hexdigest()
 
 
 def digest(side: Trajectories, *, existence: bool = False) -> str:
-    """Digest of a side: everything in it that changes the number, and nothing else.
+    """Return a digest of a side: everything in it that changes the number, and nothing else.
 
     It is of the names of the columns, and of each row: id, time, state, covariance or particles
     with their weights, the mark of what is not judged, and with `existence` the probability. A side
@@ -266,34 +266,34 @@ def digest(side: Trajectories, *, existence: bool = False) -> str:
     return digest_of_sums(side.columns, [row_sums(side, existence=existence)], arrays)
 
 
-@lru_cache(4096)  # the same few names again and again
+@lru_cache(4096)  # the same few names repeat
 def _hash_of(name: str) -> bytes:
     return hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
 
 
 def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
-    """Number of rows, and sums of their hashes: those of parts add up to those of the whole.
+    """Return the number of rows, and sums of their hashes; sums of parts add up to the whole.
 
     They tell data apart that differ by accident; somebody who looks for other data with the same
     sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
     """
-    marks = marks_of(side, NOT_JUDGED)
+    marks = marks_of(side, NOT_COUNTED)
     if not marks.any():
         return _row_sums(side, existence=existence)
-    judged, others = (side.chosen(np.flatnonzero(marks == kind)) for kind in (False, True))
+    evaluated, excluded = (side.chosen(np.flatnonzero(marks == kind)) for kind in (False, True))
     return _added(
         [
-            _row_sums(judged, existence=existence),
-            _row_sums(others, existence=existence, marked=True),
+            _row_sums(evaluated, existence=existence),
+            _row_sums(excluded, existence=existence, marked=True),
         ]
     )
 
 
 def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> tuple[int, ...]:
-    """The same of rows that are all marked, or none."""
+    """Return the sums of rows that are all marked, or none."""
     names = b"".join([_hash_of(name) for name in side.ids.tolist()])
     ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
-    moments = _bits(side.times)
+    timestamps = _bits(side.times)
     tables = [side.state] if side.covariance is None else [side.state, side.covariance]
     if existence:
         tables.append(existence_of(side)[:, None])
@@ -301,22 +301,22 @@ def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> t
         tables.append(np.ones((len(side.step), 1)))
     numbers = [unsigned_zeros(table).view(np.uint64) for table in tables]
     if kernels is not None and side.step.dtype == side.track.dtype == np.int32:
-        sums = kernels.hash_rows(moments, ids, side.step, side.track, numbers, LANES)
+        sums = kernels.hash_rows(timestamps, ids, side.step, side.track, numbers, LANES)
         return len(side.step), *sums
     sums = [0] * len(LANES)
     for first in range(0, len(side.step), HASHED):
         rows = slice(first, first + HASHED)
-        found = moments[side.step[rows]] * LANES
+        hashes = timestamps[side.step[rows]] * LANES
         columns = (column for table in numbers for column in table[rows].T)
         for column in (ids[side.track[rows]].T, *columns):
-            found ^= found >> DOWN
-            found ^= column
-            found *= LANES
+            hashes ^= hashes >> DOWN
+            hashes ^= column
+            hashes *= LANES
         for _ in range(2):
-            found ^= found >> DOWN
-            found *= LANES
-        found ^= found >> DOWN
-        sums = [old + new for old, new in zip(sums, found.sum(axis=1).tolist(), strict=True)]
+            hashes ^= hashes >> DOWN
+            hashes *= LANES
+        hashes ^= hashes >> DOWN
+        sums = [old + new for old, new in zip(sums, hashes.sum(axis=1).tolist(), strict=True)]
     return len(side.step), *(total % MODULUS for total in sums)
 
 
@@ -325,7 +325,7 @@ def digest_of_sums(
     parts: Iterable[Sequence[int]],
     arrays: tuple[Ints | Floats, ...] = (),
 ) -> str:
-    """SHA-256 of a side in hexadecimal.
+    """Return the SHA-256 of a side in hexadecimal.
 
     Parameters
     ----------
@@ -343,17 +343,17 @@ def digest_of_sums(
 
 
 def _added(parts: Iterable[Sequence[int]]) -> tuple[int, ...]:
-    """The `row_sums` of all parts together."""
+    """Add the `row_sums` of all parts."""
     return tuple(sum(each) % MODULUS for each in zip(NO_SUMS, *parts, strict=True))
 
 
 def unsigned_zeros(numbers: Number) -> Number:
-    """The same numbers, with 0.0 for -0.0, which is the same number in other bits."""
+    """Return the same numbers with 0.0 for -0.0, which has other bits."""
     return numbers + 0  # type: ignore[return-value]
 
 
 def _bits(times: TimeArray) -> NDArray[np.uint64]:
-    """Times as 64 bits each: whole ones as integers, for the stamps 0 and 0.0 are the same."""
+    """Return times as 64 bits each; whole ones as integers, so that 0 and 0.0 are the same."""
     if times.dtype.kind == "i":
         return times.astype(np.int64).view(np.uint64)
     answer = times.astype(np.float64).view(np.uint64)
@@ -363,7 +363,7 @@ def _bits(times: TimeArray) -> NDArray[np.uint64]:
 
 
 def whole(times: TimeArray) -> TimeArray:
-    """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
+    """Return times as integers if all are whole, so that 0 and 0.0 are the same."""
     if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
         return times
     return times.astype(np.int64)

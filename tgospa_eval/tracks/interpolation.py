@@ -10,12 +10,12 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import (
-    Held,
+    ClockReports,
     TimeMatching,
     Times,
-    apart_of,
     comparable,
     joined_to,
+    time_differences,
     within,
 )
 from tgospa_eval.tracks.conversion import SECOND
@@ -43,7 +43,7 @@ def interpolated(
     names: tuple[str, str] = ("estimate", "truth"),
     across: str = "",
 ) -> tuple[Trajectories, tuple[int, int, int]]:
-    """A side at the stamps of the other one; a side without stamps, on either hand, changes none.
+    """Interpolate a side at the times of the other one; if either has no times, it stays as it is.
 
     A state of a track at a stamp stays as it is. Where two consecutive states of a track are at
     most `max_gap` apart, the stamps between them get states on the straight line, covariances
@@ -91,7 +91,7 @@ def interpolated(
             f"interpolated; leave it out, or compare means with another {option('distance')}"
         )
     mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-    at, there = found_at(mine, theirs)
+    at, there = find_times(mine, theirs)
     own = np.flatnonzero(there[side.step])
     before, after, step, share, wide = _between(side, mine, theirs, max_gap, across=bool(across))
     nearer = np.where(share <= 0.5, before, after)
@@ -107,9 +107,9 @@ def interpolated(
     if across:
         marks, away = marks_of(side, across)[source], np.zeros(len(order))
         marks[len(own) :] |= wide
-        away[len(own) :] = wide * np.minimum(share, 1 - share) * _apart(side, before, after)
+        away[len(own) :] = wide * np.minimum(share, 1 - share) * _duration(side, before, after)
         attributes |= {across: marks[order].astype(np.float64), AWAY: away[order]}
-    found = replace(
+    filled = replace(
         side,
         step=steps[order],
         track=side.track[source[order]],
@@ -120,28 +120,28 @@ def interpolated(
         labels=other.labels,
     )
     between = len(step) - int(np.count_nonzero(wide))
-    return found.chosen(np.arange(len(order))), (between, len(own), rows - len(own))
+    return filled.chosen(np.arange(len(order))), (between, len(own), rows - len(own))
 
 
 def at_ticks(
     side: Trajectories, ticks: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> Trajectories:
-    """The rows of a side that are at some stamps, within the tolerance; other parameters as above.
+    """Return the rows of a side at some times, within the tolerance; parameters as above.
 
     Raises
     ------
     InputError
         The stamps cannot be compared.
     """
-    at, there = found_near(side, ticks, tolerance, names)
+    at, there = match_times(side, ticks, tolerance, names)
     rows = np.flatnonzero(there[side.step])
     return side.chosen(rows, at[side.step[rows]], ticks.times, ticks.labels, ticks.clock)
 
 
-def found_near(
+def match_times(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> tuple[Ints, Mask]:
-    """Where the stamps of a side are among those of another, and which of them are there.
+    """Find the times of a side among those of another, within the tolerance.
 
     Raises
     ------
@@ -151,11 +151,11 @@ def found_near(
     mine, theirs = comparable(side, other, names)
     if len(mine) and len(theirs):
         mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-    return found_at(mine, theirs)
+    return find_times(mine, theirs)
 
 
-def found_at(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
-    """Where own stamps are among others, and which of them are there."""
+def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
+    """Find own times among others: their positions, and which of them are there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
     at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
@@ -165,14 +165,14 @@ def found_at(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
 ) -> tuple[Ints, Ints, Ints, Floats, Mask]:
-    """Rows before and after, the stamp between them, and its share of the way, for each new row.
+    """Return rows before and after, the time between them, and its share of the gap, of new rows.
 
     They are between consecutive states of a track that are not too far apart; or, `across`, of any,
     and the last array says between which these are.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
-    gap = apart_of(time[1:], time[:-1])
+    gap = time_differences(time[1:], time[:-1])
     narrow = within(gap, max_gap, (mine, theirs), side.clock)
     first = np.flatnonzero((track[1:] == track[:-1]) & (narrow | across))
     begin = np.searchsorted(theirs, time[first], side="right")
@@ -180,37 +180,37 @@ def _between(
     step = concatenated(begin, count)
     wide = np.repeat(~narrow[first], count)
     first, gap = np.repeat(first, count), np.repeat(gap[first], count)
-    share = apart_of(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
+    share = time_differences(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share, wide
 
 
-def _apart(side: Trajectories, before: Ints, after: Ints) -> Floats:
-    """Time between some rows and others, in seconds or the unit of the stamps."""
-    apart = side.times[side.step[after]] - side.times[side.step[before]]
-    return apart / (1 if side.clock == "number" else SECOND)
+def _duration(side: Trajectories, before: Ints, after: Ints) -> Floats:
+    """Return the time between pairs of rows, in seconds or the unit of the times."""
+    difference = side.times[side.step[after]] - side.times[side.step[before]]
+    return difference / (1 if side.clock == "number" else SECOND)
 
 
 def on_lines(
     side: Trajectories, before: Ints, after: Ints, share: Floats, periods: dict[str, float]
 ) -> Floats:
-    """States on the way from some rows to others, at a share of it (N,)."""
+    """Interpolate states between rows, at a share of the way (N,)."""
     first, second = side.state[before], side.state[after]
-    found = _mixed(first, second, share)
+    states = _mixed(first, second, share)
     for k, column in enumerate(side.columns):
         period = periods.get(column)
         if period is None:
             continue
         way = second[:, k] - first[:, k]
         way -= period * np.round(way / period)
-        found[:, k] = first[:, k] + share * way
-        if column == "lon":  # which has to stay what it is
-            beyond = np.abs(found[:, k]) > HALF_TURN
-            found[beyond, k] -= np.copysign(2 * HALF_TURN, found[beyond, k])
-    return found
+        states[:, k] = first[:, k] + share * way
+        if column == "lon":  # longitudes stay within half a turn
+            beyond = np.abs(states[:, k]) > HALF_TURN
+            states[beyond, k] -= np.copysign(2 * HALF_TURN, states[beyond, k])
+    return states
 
 
 def _mixed(first: Floats, second: Floats, share: Floats) -> Floats:
-    """On the straight line from one to the other, without overflow."""
+    """Interpolate linearly, without overflow."""
     share = share[:, None]
     return np.asarray((1 - share) * first + share * second)
 
@@ -222,8 +222,8 @@ def hold(
     matching: TimeMatching,
     truth_at: Callable[[Trajectories], Trajectories],
     names: tuple[str, str],
-) -> tuple[Trajectories, Held]:
-    """The estimate on a common clock, by the reports that hold there.
+) -> tuple[Trajectories, ClockReports]:
+    """Put the estimate on a common clock, where each report holds for its period.
 
     Inside a run of a track a report holds up to the middle between it and its neighbours, at the
     ends of a run for half a period. So n regular reports hold for n periods, and a single one for
@@ -278,8 +278,8 @@ def hold(
     linked = np.zeros(len(time), bool)
     linked[1:] |= joined
     linked[:-1] |= joined
-    held = Held(
-        reports=estimate,
+    reports = ClockReports(
+        estimate=estimate,
         row=row[order],
         truths=truth.ids,
         truth_at=truth_at,
@@ -288,12 +288,12 @@ def hold(
         source="median interval"
         if same.any()
         else "step of the clock, as no track has two reports",
-        alone=int(np.count_nonzero(~linked)),
+        single=int(np.count_nonzero(~linked)),
     )
     side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)
-    return side, held
+    return side, reports
 
 
 def _period(gaps: Floats, step: float) -> float:
-    """The median interval of a track's reports, of two the shorter; else that of the clock."""
+    """Return the median interval of reports, the shorter of two; else the clock's step."""
     return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

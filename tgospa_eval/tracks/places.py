@@ -43,7 +43,7 @@ FORMS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What the coordinates of a side are.
+    """Coordinates of a side: their kind, and how they become local or geodetic.
 
     Parameters
     ----------
@@ -69,18 +69,18 @@ class Frame:
     option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
-        """Which places (d, R) are none in a column, the column, and what the first is."""
-        for k, _, least, most in LIMITS.get(self.kind, ()):
+        """Return places (d, R) out of range in a column, that column, and the first value."""
+        for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
-                wrong = (axes[k] < least) | (axes[k] > most)
+                wrong = (axes[k] < low) | (axes[k] > high)
                 if wrong.any():
                     value, count = axes[k][int(np.argmax(wrong))], int(np.count_nonzero(wrong))
-                    limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
+                    limits = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
                     return wrong, columns[k], f"{value:g}{more(count)} must be {limits}"
         return None
 
     def to_local(self, states: Floats) -> Floats:
-        """East, north, perhaps up, of states that are local or polar."""
+        """Convert local or polar states to east, north and perhaps up."""
         if self.kind == "polar":
             bearing = np.radians(states[:, 1])
             flat = states[:, 0]
@@ -99,7 +99,7 @@ class Frame:
         return np.column_stack((east, north, states[:, 2:]))
 
     def to_earth(self, states: Floats) -> Floats:
-        """Latitude, longitude, perhaps height, of states that are on the Earth or of a system."""
+        """Convert geodetic or projected states to latitude, longitude and perhaps height."""
         if self.kind == "earth":
             return states
         x, y = from_crs(self.text, self.option).transform(states[:, 0], states[:, 1])
@@ -107,7 +107,7 @@ class Frame:
 
 
 def parse_frame(text: str, option: str) -> Frame:
-    """What a text such as ``lat,lon``, ``enu``, ``ned:30`` or ``EPSG:25832`` means.
+    """Parse a text such as ``lat,lon``, ``enu``, ``ned:30`` or ``EPSG:25832``.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def parse_frame(text: str, option: str) -> Frame:
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
-    """Latitude, longitude and height of the origin, ``LAT,LON[,ALT]``.
+    """Parse the latitude, longitude and height of the origin, ``LAT,LON[,ALT]``.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def parse_origin(text: str) -> tuple[float, float, float]:
     if (
         len(known) != len(numbers)
         or len(known) not in (2, 3)
-        or not all(abs(known[k]) <= most for k, _, _, most in LIMITS["earth"])
+        or not all(abs(known[k]) <= limit for k, _, _, limit in LIMITS["earth"])
     ):
         raise ConfigError(
             f"{option('origin')} {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and "
@@ -153,11 +153,11 @@ def parse_origin(text: str) -> tuple[float, float, float]:
 
 
 def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
-    """Latitude, longitude and perhaps height of local states, east, north and perhaps up."""
+    """Convert local states to latitude, longitude and perhaps height."""
     latitude, longitude, height = origin
     if states.shape[1] > 2:
-        found = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
-        return np.column_stack((found[1], found[0], found[2]))
+        earth = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
+        return np.column_stack((earth[1], earth[0], earth[2]))
     centre = np.full(len(states), longitude), np.full(len(states), latitude)
     direction = np.degrees(np.arctan2(states[:, 0], states[:, 1]))
     east, north, _ = ellipsoid().fwd(*centre, direction, np.hypot(*states.T))
@@ -166,7 +166,7 @@ def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """Those of truth and estimate, and where local axes begin.
+    """Frames of truth and estimate, and the origin of local axes.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Whether sides are local: of both alike a single value."""
+        """A set of both sides' answers: True for local axes."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
@@ -204,7 +204,7 @@ class Frames:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON."""
+        """Settings that change the number, by their JSON names."""
         truth, estimate = self.frames
         origin = {} if self.origin is None else {"origin": list(self.origin)}
         return {"truth_crs": truth.text, "estimate_crs": estimate.text, **origin}
@@ -212,7 +212,7 @@ class Frames:
     def joined(
         self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
-        """Both sides in one frame: local metres where one is local, else degrees and heights.
+        """Convert both sides to one frame: local metres if one is local, else degrees and heights.
 
         Heights take part where both sides have some. Where one has, that may move places sideways;
         the warning says how far.
@@ -235,7 +235,7 @@ class Frames:
     def _loss(
         self, sides: tuple[Trajectories, Trajectories], names: Sequence[str]
     ) -> Notice | None:
-        """A warning where local places lack the heights that the other side has."""
+        """Return a warning if local places lack the heights that the other side has."""
         for k, (side, frame) in enumerate(zip(sides, self.frames, strict=True)):
             local = self.frames[1 - k]
             is_high = frame.kind == "earth" and len(side.columns) > 2 and len(side.state)
@@ -243,8 +243,8 @@ class Frames:
                 continue
             flat = self._converted(side.state[:, :2], frame, 2)
             true = self._converted(side.state, frame, 3)
-            seen = true if local.kind == "polar" else true[:, :2]
-            loss = np.abs(np.linalg.norm(seen, axis=1) - np.linalg.norm(flat, axis=1)).max()
+            compared = true if local.kind == "polar" else true[:, :2]
+            loss = np.abs(np.linalg.norm(compared, axis=1) - np.linalg.norm(flat, axis=1)).max()
             what = "ranges" if local.kind == "polar" else "x and y"
             need = "elevation" if local.kind == "polar" else "z"
             return Notice(
@@ -270,14 +270,14 @@ class Frames:
                 f"{name}: has covariances, which are not converted to other coordinates; compare "
                 f"means with another {option('distance')}, or write both files in one frame"
             )
-        for k, what, least, most in LIMITS.get(frame.kind, ()):
+        for k, what, low, high in LIMITS.get(frame.kind, ()):
             if k >= len(wanted) or not len(side.state):
                 continue
             value = side.state[:, k]
-            off = (value < least) | (value > most)
+            off = (value < low) | (value > high)
             if off.any():
                 row = int(np.argmax(off))
-                limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
+                limits = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
                 raise InputError(
                     f"{name}: id {quoted(side.ids[side.track[row]])} at t = "
                     f"{side.shown[side.step[row]]} has the {what} {value[row]:g}; must be {limits}"
@@ -285,12 +285,12 @@ class Frames:
 
     def _moved(self, side: Trajectories, frame: Frame, columns: tuple[str, ...]) -> Trajectories:
         def moved(states: Floats) -> Floats:
-            found = self._converted(states, frame, len(columns))
-            if not np.isfinite(found).all():
+            places = self._converted(states, frame, len(columns))
+            if not np.isfinite(places).all():
                 raise InputError(
                     f"{frame.option} {frame.text}: places are outside of what it can express"
                 )
-            return found
+            return places
 
         if side.clouds is None:
             return replace(side, columns=columns, state=moved(side.state))
@@ -298,20 +298,20 @@ class Frames:
         return replace(side, columns=columns, state=clouds.means, clouds=clouds)
 
     def _converted(self, states: Floats, frame: Frame, size: int) -> Floats:
-        """States of a frame in the common one, of so many columns."""
+        """Convert states of a frame to the common one, with so many columns."""
         if frame.kind in ("local", "polar"):
             local = frame.to_local(states)
             if size == local.shape[1] or self.begin is None or len(self.is_local) == 1:
                 return np.ascontiguousarray(local[:, :size])
-            earth = on_earth(local, self.begin)[:, :size]  # below the place in space
+            earth = on_earth(local, self.begin)[:, :size]  # the point on the ground
         else:
             earth = frame.to_earth(states)[:, :size]
         if self.begin is None:
             return np.ascontiguousarray(earth)
         latitude, longitude, _ = self.begin
         if size > 2:
-            found = topocentric(*self.begin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
-            return np.column_stack(found)
+            places = topocentric(*self.begin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
+            return np.column_stack(places)
         centre = np.full(len(earth), longitude), np.full(len(earth), latitude)
         direction, _, length = ellipsoid().inv(*centre, earth[:, 1].copy(), earth[:, 0].copy())
         direction = np.radians(direction)

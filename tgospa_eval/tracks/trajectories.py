@@ -33,21 +33,21 @@ ROW = "\0row"
 
 
 def file_order(step: Ints, attributes: Attributes) -> Ints:
-    """Rows (R,) step by step as their file has them; as they are if that is not known."""
+    """Return rows (R,) in the order of their file, step by step; unchanged if it is not known."""
     if ROW not in attributes:
         return np.arange(len(step))
     return np.lexsort((attributes[ROW], step))
 
 
 def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
-    """Arrays of so many rows that cannot be written to: numbers as doubles, all else as texts.
+    """Return read-only arrays of so many rows: numbers as doubles, all else as texts.
 
     Raises
     ------
     InputError
         One is not of this length.
     """
-    found: dict[str, Values] = {}
+    arrays: dict[str, Values] = {}
     for name, given in attributes.items():
         values = np.asarray(given)
         if values.shape != (rows,):
@@ -63,23 +63,23 @@ def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
         else:
             texts = ["" if value is None else str(value) for value in values.tolist()]
             kept = np.array(texts, dtype=object)
-        found[str(name)] = kept.view()
-        found[str(name)].setflags(write=False)
-    return found
+        arrays[str(name)] = kept.view()
+        arrays[str(name)].setflags(write=False)
+    return arrays
 
 
 def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
-    """Those of some rows."""
+    """Return the attributes of some rows."""
     return {name: values[rows] for name, values in attributes.items()}
 
 
 def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
-    """The attributes of the first, with so many more rows; missing where the second lacks one."""
-    found: dict[str, Values] = {}
+    """Append rows to the attributes of the first; missing where the second lacks one."""
+    joined: dict[str, Values] = {}
     for name, values in first.items():
         missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
-        found[name] = np.concatenate((values, second.get(name, missing)))
-    return found
+        joined[name] = np.concatenate((values, second.get(name, missing)))
+    return joined
 
 
 TimeArray = NDArray[np.int64] | Floats
@@ -171,7 +171,7 @@ class Trajectories:
         freeze(self)
 
     def _check_states(self) -> None:
-        """Names, shapes and finiteness."""
+        """Check names, shapes and finiteness."""
         if self.clock not in CLOCKS:
             raise InputError(f"clock is {quoted(self.clock)}: must be one of {', '.join(CLOCKS)}")
         if len(set(self.ids.tolist())) != len(self.ids):
@@ -188,7 +188,7 @@ class Trajectories:
             raise InputError("states have a covariance each, or a cloud, not both")
 
     def _check_order(self) -> None:
-        """Times and rows increase strictly, and rows point into times and ids."""
+        """Check that times and rows increase strictly, and that rows point into times and ids."""
         times, step, track = self.times, self.step, self.track
         if not (times[1:] > times[:-1]).all() or (len(times) == 1 and times[0] != times[0]):
             raise InputError("times must increase strictly")
@@ -197,7 +197,7 @@ class Trajectories:
         later = step[1:] > step[:-1]
         later |= (step[1:] == step[:-1]) & (track[1:] > track[:-1])
         in_order = later.all()
-        # Of what is in order the ends are the least and the largest.
+        # The values are sorted: their ends are the smallest and the largest.
         low, high = (step[0], step[-1]) if in_order else (step.min(), step.max())
         if low < 0 or high >= len(times):
             raise InputError("a step lies outside the times")
@@ -229,7 +229,7 @@ class Trajectories:
         return np.ascontiguousarray(packed.T)
 
     def _covariance(self, row: int) -> str:
-        """The covariance of a row, for messages."""
+        """Return the covariance of a row, for messages."""
         return (
             f"covariance of id {quoted(self.ids[self.track[row]])}, t {self.shown[self.step[row]]}"
         )
@@ -254,17 +254,17 @@ class Trajectories:
         )
 
     @property
-    def second_moments(self) -> Floats | None:
+    def spread(self) -> Floats | None:
         """Lower triangles (R, d (d + 1) / 2) of what is around each state, if anything is."""
         if self.clouds is None:
             return self.covariance
         from tgospa_eval.tracks.covariances import pack  # lazy: points do without
 
-        with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
+        with np.errstate(over="ignore", invalid="ignore"):  # an overflow matters to no picture
             return pack(self.clouds.covariances).T
 
     def dense(self) -> Floats:
-        """States as (T, k, d), NaN where an object is absent."""
+        """Return states as (T, k, d), NaN where an object is absent."""
         table = np.full((len(self.times), len(self.ids), len(self.columns)), np.nan)
         table[self.step, self.track] = self.state
         return table
@@ -282,7 +282,7 @@ class Trajectories:
         labels: NDArray[np.object_] | None = None,
         clock: str | None = None,
     ) -> "Trajectories":
-        """Some of the rows, in order, with the tracks that still have any.
+        """Return some of the rows, in order, with the tracks that still have any.
 
         At new steps of other times; by default at their own.
         """
@@ -294,7 +294,7 @@ class Trajectories:
         if not has_rows.all():
             track = (np.cumsum(has_rows) - 1)[track]
         ids = self.ids[has_rows]
-        part = object.__new__(Trajectories)  # what was checked is not checked again
+        part = object.__new__(Trajectories)  # rows of a checked side need no check
         vars(part).update(
             vars(self),
             step=step.astype(index_type(len(times)), copy=False),
@@ -319,7 +319,7 @@ class Trajectories:
         clock: str,
         labels: NDArray[np.object_] | None = None,
     ) -> "Trajectories":
-        """Steps without rows."""
+        """Return steps without rows."""
         none = np.zeros(0, np.int32)
         return cls(
             step=none,
@@ -334,19 +334,19 @@ class Trajectories:
 
     @property
     def kind(self) -> str:
-        """What its states are: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
+        """Kind of its states: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
         if self.clouds is not None:
             return "cloud"
         return "point" if self.covariance is None else "gaussian"
 
-    def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
-        """As points, unless its states are of one of these kinds."""
+    def reduced_to(self, kinds: tuple[str, ...]) -> "Trajectories":
+        """Return the trajectories as points, unless their states are of one of these kinds."""
         if self.kind in ("point", *kinds):
             return self
         return replace(self, covariance=None, clouds=None)
 
     def with_clouds(self, clouds: "Clouds") -> "Trajectories":
-        """The same rows with other particles, and their means as states."""
+        """Return the same rows with other particles, and their means as states."""
         return replace(self, state=clouds.means, covariance=None, clouds=clouds)
 
     @classmethod
@@ -356,7 +356,7 @@ class Trajectories:
         columns: tuple[str, ...] | None = None,
         covariance: Floats | None = None,
     ) -> "Trajectories":
-        """From an array (T, k, d) with NaN for absent; ids and times count from 0.
+        """Build trajectories from an array (T, k, d), NaN if absent; ids and times count from 0.
 
         Parameters
         ----------
@@ -408,7 +408,7 @@ class Trajectories:
 
 
 def as_doubles(values: object) -> Floats:
-    """Numbers as doubles, NaN where they are masked.
+    """Convert numbers to doubles, NaN where they are masked.
 
     Raises
     ------
@@ -424,5 +424,5 @@ def as_doubles(values: object) -> Floats:
 
 
 def column_names(size: int) -> tuple[str, ...]:
-    """Names of state columns that have none: x, y, z, from four on x0, x1, ..."""
+    """Return default names of state columns: x, y, z, from four on x0, x1, ..."""
     return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))

@@ -1,4 +1,4 @@
-"""What states and steps count: probabilities of existence, and weights of steps by time."""
+"""Weights of states and steps: probabilities of existence, and weights of steps by time."""
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class WeightsByTime:
         freeze(self)
 
     def on(self, side: Trajectories) -> tuple[Floats, Floats]:
-        """Factors of the costs at each step of an aligned side, (T,), and of switches, (T - 1,).
+        """Return factors of costs at each step of an aligned side (T,), and of switches (T - 1,).
 
         Raises
         ------
@@ -66,7 +66,7 @@ class WeightsByTime:
 
 
 def repeated(times: TimeArray) -> tuple[int, int, int] | None:
-    """The first time that is there again: its row, that of the first one, how many there are."""
+    """Find the first repeated time: its row, the row that it repeats, and how many repeat."""
     order = np.argsort(times, kind="stable")
     again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
     if not len(again):
@@ -80,15 +80,15 @@ EXISTENCE = "existence"
 
 
 def existence_of(side: Trajectories) -> Floats:
-    """The probability of each row (R,)."""
-    found = side.attributes.get(EXISTENCE)
-    return np.ones(len(side.step)) if found is None else np.asarray(found, np.float64)
+    """Return the probability of each row (R,)."""
+    given = side.attributes.get(EXISTENCE)
+    return np.ones(len(side.step)) if given is None else np.asarray(given, np.float64)
 
 
 def expected(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Trajectories, Trajectories]:
-    """Both sides with probabilities that are some, without the rows whose probability is 0.
+    """Return both sides with valid probabilities, without rows of probability 0.
 
     What exists with probability 0 does not exist; the steps stay. `names` are for messages.
 
@@ -105,8 +105,8 @@ def expected(
             f"{option('existence', 'use')}: neither {names[0]} nor {names[1]} has a column "
             f"{EXISTENCE}"
         )
-    found = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
-    return found[0], found[1]
+    possible = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
+    return possible[0], possible[1]
 
 
 def _possible(side: Trajectories, name: str) -> Trajectories:

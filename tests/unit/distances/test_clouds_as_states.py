@@ -126,7 +126,7 @@ def test_gated_is_ungated_is_one_by_one(size: int, order: int) -> None:
 def test_bounds_never_exceed_the_distance() -> None:
     for seed in range(20):
         a, b = scene(seed, size=1 + seed % 3), scene(seed + 100, size=1 + seed % 3)
-        moments = [bounds._moments(side.clouds) for side in (a, b)]
+        moments = [bounds._traces_and_factors(side.clouds) for side in (a, b)]
         rows = np.arange(len(a.step))
         squares = ((a.state - b.state) ** 2).sum(axis=1)
         bound = np.sqrt(squares + bounds._spread(moments, rows, rows))
@@ -249,7 +249,7 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "MOST_PARTICLES", 5)
+    monkeypatch.setattr(bounds, "MAX_PARTICLES", 5)
     with pytest.raises(
         InputError,
         match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',

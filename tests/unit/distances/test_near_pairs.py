@@ -138,5 +138,5 @@ def test_points_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
             patch.setattr(points, "kernels", None)
             assert near == median_nearest(*sides, distance)
             assert points.near_points(sides, rows, 5.0, distance) is None
-    monkeypatch.setattr(points, "MOST_PAIRS", -1)
+    monkeypatch.setattr(points, "MAX_PAIRS", -1)
     assert points.near_points(sides, rows, 5.0, distance) is None

@@ -206,7 +206,7 @@ def test_sums_over_open_blocks_have_the_bits_of_numpy(blocks: int) -> None:
     field.dual[:], field.primal[:] = rng.exponential(1, (2, blocks)) * 10.0 ** rng.integers(-9, 3)
     kept = field.open
     assert field.open_gap == (field.dual - field.primal)[kept].sum()
-    assert field.open_cost == np.maximum(field.most - field.primal, 0.0)[kept].sum()
+    assert field.open_cost == np.maximum(field.base_cost - field.primal, 0.0)[kept].sum()
     assert field.brackets.open_dual == field.dual[kept].sum()
     assert np.array_equal(field.wide(0.1), kept & (field.gap > 0.1 * field.cost))
 

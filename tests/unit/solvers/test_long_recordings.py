@@ -16,7 +16,7 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.lp_rounds import cut_out, groups, windows
+from tgospa_eval.solvers.lp_rounds import extract, groups, windows
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
 from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
 
@@ -48,7 +48,7 @@ def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
         free = np.flatnonzero(ascent.has(kernels.NEAR) & (begin >= low) & (states.end < high))
         given = ascent.weights, ascent.prices
         whole = solve_restricted_lp(states, free, *given, ascent.switch_price, None)
-        piece, state, own, slot = cut_out(states, free)
+        piece, state, own, slot = extract(states, free)
         assert len(state) < len(begin)
         assert np.array_equal(state[own], free)
         part = solve_restricted_lp(

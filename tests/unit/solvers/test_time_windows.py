@@ -22,7 +22,7 @@ Sides = tuple[np.ndarray, np.ndarray]
 
 def divide(patch: pytest.MonkeyPatch, *, shortest: int = 5, overlap: int = 2) -> None:
     """Let every block of two rows that compete go through windows of so many steps."""
-    small = {"least": 1, "steps": 2, "size": 1, "shortest": shortest, "overlap": overlap}
+    small = {"min_states": 1, "steps": 2, "size": 1, "shortest": shortest, "overlap": overlap}
     for name, value in small.items():
         patch.setattr(TIME_WINDOWS, name, value)
 
@@ -46,7 +46,7 @@ def joined(states: States) -> Bounds:
     """What windows prove of a problem with one block before anything is repaired."""
     division = Division(states)
     for window in division.windows:
-        piece = division.cut(window)
+        piece = division.problem_of(window)
         found = Certified()(piece, Stopwatch())
         division.take(window, piece, found.weights, found.prices)
     proposed = replace(found, weights=division.join(), prices=division.prices)

@@ -14,7 +14,7 @@ from tgospa_eval import ConfigError, SolverError, Trajectories, compare, evaluat
 from tgospa_eval.campaign.row import same_data
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.tracks.clouds import Clouds
-from tgospa_eval.tracks.coverage import NOT_JUDGED, digest, marked
+from tgospa_eval.tracks.coverage import NOT_COUNTED, digest, marked
 
 Change = Callable[[Trajectories], Trajectories]
 Write = Callable[..., str]
@@ -86,7 +86,7 @@ DOES_NOT = {
     "attributes: nothing is marked": (
         POINTS,
         lambda side: dataclasses.replace(
-            side, attributes={**side.attributes, NOT_JUDGED: np.zeros(4)}
+            side, attributes={**side.attributes, NOT_COUNTED: np.zeros(4)}
         ),
     ),
     "ids: without rows": (POINTS, changed(ids=np.array(["a", "b", "z"], dtype=object))),

@@ -22,10 +22,10 @@ from tgospa_eval.results.saved import EVALUATED_ON, NEES_RECORD, PARAMETERS, con
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import (
-    JUDGED_FIELDS,
+    COVERAGE_FIELDS,
+    coverage_of,
     incomparable,
     judge_alike,
-    judged_of,
     refuse_own_marks,
 )
 

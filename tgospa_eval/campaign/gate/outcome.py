@@ -34,7 +34,7 @@ from tgospa_eval.campaign.gate.suite import GroupTable
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json

@@ -59,9 +59,9 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
     elif about.kind:
         given["type"] = {"path": PATH, "size": Size()}[about.kind]
     elif base is int:
-        given["type"] = click.IntRange(about.least, about.most)
+        given["type"] = click.IntRange(about.low, about.high)
     elif base is float:
-        given["type"] = float if about.least is None else click.FloatRange(about.least)
+        given["type"] = float if about.low is None else click.FloatRange(about.low)
     if default == ():
         given["multiple"] = True
     elif default is not None and default is not False:

@@ -97,13 +97,13 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             f"that are at most {gap.text} apart, {own:,} as they were"
             f"{rest if unused else ''}"
         )
-    if axis.held is not None:
-        held, steps = axis.held, counted(len(axis.horizon.times), "step")
-        used, reports = len(np.unique(held.row)), len(held.reports.step)
+    if axis.reports is not None:
+        clock, steps = axis.reports, counted(len(axis.horizon.times), "step")
+        used, reports = len(np.unique(clock.row)), len(clock.estimate.step)
         which = (
             option("period")
-            if held.declared
-            else f"the {held.source}; {option('period')} declares it"
+            if clock.declared
+            else f"the {clock.source}; {option('period')} declares it"
         )
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         single = f" ({held.alone:,} alone)" if held.alone else ""

@@ -152,7 +152,7 @@ class StepRows:
     @cached_property
     def table(self) -> Trajectories:
         """They alone, as points."""
-        return self.side.seen_as(()).chosen(self.row, self.step, np.arange(len(self.counts)))
+        return self.side.reduced_to(()).chosen(self.row, self.step, np.arange(len(self.counts)))
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:

@@ -79,7 +79,7 @@ Wrong = dict[str, tuple[int, str, int]]
 
 
 def check_text(data: bytes, path: str) -> None:
-    """Whether the bytes can be text.
+    """Check that the bytes can be text.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def check_text(data: bytes, path: str) -> None:
 
 
 def decode(data: bytes, path: str) -> str:
-    """The text, with one kind of line end."""
+    """Decode a text, with one kind of line end."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -122,7 +122,7 @@ def decode(data: bytes, path: str) -> str:
 
 
 def beginning(data: bytes, path: str) -> tuple[str, bool]:
-    """The text, of a large ASCII file its first lines alone; and whether that is all of it."""
+    """Return a text, or the first lines of a large ASCII file; and whether that is all of it."""
     if len(data) < LARGE_BYTES or not data.isascii():
         return decode(data, path), True
     end = data.rfind(b"\n", 0, HEADER_BYTES) + 1
@@ -152,7 +152,7 @@ class Fields:
 
 
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
-    """Columns that are read as texts: ids, times, classes, attributes, and those asked for."""
+    """Return the columns read as texts: ids, times, classes, attributes, and requested ones."""
     klass = () if roles.klass is None else (roles.klass,)
     second = () if roles.second is None else (roles.second,)
     return tuple(dict.fromkeys((roles.id, roles.time, *second, *texts, *klass, *roles.texts)))
@@ -169,7 +169,7 @@ def scanned(
     *,
     quotes: bool = True,
 ) -> Fields | None:
-    """The columns of UTF-8 text whose rows begin on line `first`; None if it is not plain.
+    """Scan UTF-8 text whose rows begin on line `first` into columns; None if it is not plain.
 
     Plain are rows of `width` fields, without line ends and quotes inside, comments, blank lines and
     returns for line ends, with numbers that are finite or blank.
@@ -187,10 +187,10 @@ def scanned(
     kinds = np.zeros(width, np.uint8)
     kinds[list(roles.numbers)] |= AS_NUMBER
     kinds[list(wanted)] |= AS_TEXT
-    found = scanner.scan(data, start, delimiter, decimal, kinds, quotes)
-    if found is None:
+    fields = scanner.scan(data, start, delimiter, decimal, kinds, quotes)
+    if fields is None:
         return None
-    values, codes, distinct = found
+    values, codes, distinct = fields
     if list(roles.numbers) != sorted(roles.numbers):
         values = values[np.searchsorted(np.sort(roles.numbers), roles.numbers)]
     return Fields(
@@ -201,7 +201,7 @@ def scanned(
 
 
 def lines_of(text: str, start: int = 0) -> Iterator[str]:
-    """The lines of the text from `start` on, with their ends, which are line feeds.
+    """Yield the lines of the text from `start` on, with their ends, which are line feeds.
 
     Of some 10^5 letters at a time: a copy of all takes four times the memory.
     """
@@ -220,7 +220,7 @@ class Comments:
         self.count = 0
 
     def noted(self, roles: Roles) -> Roles:
-        """The roles with a notice about them."""
+        """Add a notice about the comments to the roles."""
         if not self.count:
             return roles
         notice = f"{counted(self.count, 'line')} of comments passed over"
@@ -239,7 +239,7 @@ def blocks_of(
     delimiter: str = BLANKS,
     quotes: bool = False,
 ) -> Iterator[Block]:
-    """Rows in blocks; those that are blank or comments are passed over.
+    """Yield rows in blocks; those that are blank or comments are passed over.
 
     A row that begins like a comment may be one as well, for an id may begin so: where all do.
 
@@ -299,7 +299,7 @@ def blocks_of(
             at = at[has_all]
             columns = list(zip(*itertools.compress(block, has_all.tolist()), strict=True))
         if columns:
-            texts = dict.fromkeys(columns[0])  # most are repeated
+            texts = dict.fromkeys(columns[0])  # most texts repeat
             begins = [text for text in texts if text.lstrip(" \t").startswith(COMMENTS)]
             marked = marked or (int(at[columns[0].index(begins[0])]) if begins else 0)
             are_marked = are_marked and len(begins) == len(texts)
@@ -313,11 +313,11 @@ def blocks_of(
 
 
 def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Sequence[str]]:
-    """The columns of lines that are plainly rows, split at once; none of any others."""
+    """Split lines that are plainly rows into columns at once; none for any others."""
     text = "".join(several)
     row = delimiter * (width - 1) + "\n"
-    others = bytes(set(range(256)) - set(row.encode()))
-    has_rows = text.encode().translate(None, others) == row.encode() * len(several)
+    deleted = bytes(set(range(256)) - set(row.encode()))
+    has_rows = text.encode().translate(None, deleted) == row.encode() * len(several)
     if not text or delimiter == BLANKS or not has_rows or f"{delimiter} " in text:
         return []
     fields = text.removesuffix("\n").replace("\n", delimiter).split(delimiter)
@@ -327,13 +327,13 @@ def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Seque
 def gather(
     blocks: Iterable[Block], roles: Roles, decimal: str, texts: Sequence[int] = ()
 ) -> Fields:
-    """The columns of blocks of texts; `texts` are more columns to be returned as such.
+    """Gather the columns of blocks of texts; `texts` are more columns to return as such.
 
     A block is turned into numbers before the next one is asked for: texts of numbers are not held,
     of others each distinct one.
     """
     wanted = text_columns(roles, texts)
-    seen: dict[int, dict[str, int]] = {column: {} for column in wanted}
+    numbering: dict[int, dict[str, int]] = {column: {} for column in wanted}
     codes: dict[int, list[Ints]] = {column: [np.zeros(0, np.int64)] for column in wanted}
     read: dict[int, list[Floats]] = {column: [np.zeros(0)] for column in roles.numbers}
     wrong: dict[int, Wrong] = {column: {} for column in roles.numbers}
@@ -341,8 +341,8 @@ def gather(
     count = 0
     for numbers_of_lines, columns in blocks:
         lines.append(numbers_of_lines)
-        for column, known in seen.items():
-            for text in dict.fromkeys(columns[column]):  # most are repeated
+        for column, known in numbering.items():
+            for text in dict.fromkeys(columns[column]):  # most texts repeat
                 known.setdefault(text, len(known))
             code = map(known.__getitem__, columns[column])
             codes[column].append(np.fromiter(code, np.int64, len(columns[column])))
@@ -351,7 +351,7 @@ def gather(
         count += len(numbers_of_lines)
     coded = {
         column: Coded(list(known), np.concatenate(codes.pop(column)))
-        for column, known in seen.items()
+        for column, known in numbering.items()
     }
     whole = np.concatenate(lines)
     values = np.empty((len(whole), len(roles.numbers)), order="F")
@@ -362,7 +362,7 @@ def gather(
 
 
 def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Floats:
-    """Numbers of texts from a row on, NaN where blank; what is none is noted as `wrong`."""
+    """Convert texts from a row on to numbers, NaN where blank; note others in `wrong`."""
 
     def note(what: str, k: int) -> None:
         first, text, count = wrong.get(what, (row + k, texts[k], 0))
@@ -384,7 +384,7 @@ def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Float
 
 
 def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
-    """The first row of each kind of mistake, and its message."""
+    """Yield the first row of each kind of mistake, and its message."""
     for what in ("not a number", "infinite"):
         if what in wrong:
             row, text, count = wrong[what]
@@ -393,7 +393,7 @@ def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
-    """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
+    """Convert a column to numbers, NaN where blank; and the first row of each kind of mistake."""
     wrong: Wrong = {}
     return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
@@ -406,7 +406,7 @@ def convert(
     names: Sequence[str],
     name_id: Callable[[str], str] = str.strip,
 ) -> Rows:
-    """The rows of the fields of a file; all mistakes in one error.
+    """Convert the fields of a file to rows; all mistakes in one error.
 
     Parameters
     ----------
@@ -432,7 +432,7 @@ def convert(
 
     coded, lines = fields.coded, fields.lines
     problems: list[str] = []
-    of_weights: list[str] = []  # a column of this name may be something else
+    of_weights: list[str] = []  # a column of this name may be no weight
     ids = named_ids([coded[column] for column in (roles.id, *roles.more_ids)], name_id)
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":
@@ -458,12 +458,12 @@ def convert(
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
         attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
         weight_fault="\n".join(of_weights) or None,
-        apart=without_ids(ids),
+        excluded=without_ids(ids),
     )
 
 
 def plain_id(text: str) -> str:
-    """Ids of formats without quotes are integers, which some programs write as 3.0 or 3.000e+00."""
+    """Return an id as an integer, where a format without quotes has 3.0 or 3.000e+00."""
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text
@@ -471,7 +471,7 @@ def plain_id(text: str) -> str:
 
     try:
         if not math.isfinite(float(text)):
-            return "" if math.isnan(float(text)) else text  # no number, and no name
+            return "" if math.isnan(float(text)) else text  # NaN is no id
         value = Decimal(text)  # float() makes one id of 9007199254740993.0 and ...992.0
         return str(int(value)) if value == value.to_integral_value() else text
     except (ValueError, ArithmeticError):

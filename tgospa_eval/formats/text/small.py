@@ -70,7 +70,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         return InputError(f'{path}, line {lines[1 + row]}, column "{name}": {what}')
 
     def weights(name: str) -> Floats:
-        """A column of finite numbers >= 0."""
+        """Return a column of finite numbers >= 0."""
         values, faults = numbers(columns[name], decimal)
         for row, message in faults:
             raise wrong(row, name, message)
@@ -83,10 +83,10 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         return values
 
     try:
-        found = parse_times(columns[time], lambda texts: floats(texts, decimal))
+        times = parse_times(columns[time], lambda texts: floats(texts, decimal))
     except TimeError as error:
         raise wrong(error.row, time, str(error)) from None
-    again = repeated(found.value)
+    again = repeated(times.value)
     if again is not None:
         later, before, count = again
         what = f"t = {columns[time][later]} is there twice{more(count)}"
@@ -94,13 +94,13 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         raise wrong(later, time, f"{what}, {remedy}")
     cost = weights("weight")
     switch = weights("switch_weight") if "switch_weight" in names else cost
-    return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
+    return WeightsByTime(times=times.value, cost=cost, switch=switch, clock=times.clock, name=path)
 
 
 def rows_of(
     data: bytes, path: str, decimal: str, *, even: bool = False
 ) -> tuple[list[int], list[list[str]]]:
-    """Line and fields of each row that is not blank; the first one decides the delimiter.
+    """Return the line and fields of each row; the first row decides the delimiter.
 
     `even`: it is a header, and all others have as many fields.
     """

@@ -75,7 +75,7 @@ FEWEST = 3
 
 
 def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a CSV file, the same in either role.
+    """Read the rows of a CSV file, the same in either role.
 
     Raises
     ------
@@ -112,15 +112,15 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
 def header_of(
     text: str, path: str, options: ReadOptions, *, wide: bool = False
 ) -> tuple[list[str], Roles, str, int, int]:
-    """The headers, what they are, the delimiter, number and begin of the line after them.
+    """Find the header: headers, roles, delimiter, and the number and begin of the next line.
 
     It is the first line that is understood as one, also if it begins like a comment. Comments, and
     a few lines of other length than the rows, may be above it; lines of units and names below it.
     """
-    faults: dict[int, InputError] = {}  # by the number of fields: the first line is the likeliest
-    comments = others = 0
-    for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
-        line, start = found[0].removesuffix("\n"), found.end()
+    faults: dict[int, InputError] = {}  # by number of fields; the first line is the likeliest
+    comments = skipped = 0
+    for number, match in enumerate(re.finditer(r".*\n?", text), start=1):
+        line, start = match[0].removesuffix("\n"), match.end()
         if not line.strip():
             continue
         where = f"{path}, line {number}"
@@ -134,13 +134,13 @@ def header_of(
         if by_place:
             mapped = tuple(item for item in placed or () if "=" in item)
             roles = find_roles(by_place, replace(options, columns=mapped or None), where)
-            return by_place, roles, delimiter, number, found.start()
+            return by_place, roles, delimiter, number, match.start()
         names: list[str] = []
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
         except (InputError, csv.Error) as error:
-            # What the line looks like, if it is not a header with other names.
+            # Say what the line looks like, unless it is a header with other names.
             why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             if are_numbers(fields) and not foreign(line):
                 why = without_header(fields, options.option, "").removeprefix(": ")
@@ -153,16 +153,16 @@ def header_of(
                     raise faults.get(len(names), error) from None  # no other line is the header
             is_comment = line.lstrip().startswith(COMMENTS)
             faults.setdefault(-1 if is_comment else len(names), mistake)
-            comments, others = comments + is_comment, others + (not is_comment)
-            if others > LINES_ASIDE:
+            comments, skipped = comments + is_comment, skipped + (not is_comment)
+            if skipped > LINES_ASIDE:
                 break
             continue
         passed = list(roles.passed)
-        if comments or others:
-            what = "" if others else " of comments"
-            above = counted(comments + others, "line")
+        if comments or skipped:
+            what = "" if skipped else " of comments"
+            above = counted(comments + skipped, "line")
             passed.append(f"{above}{what} above the header passed over")
-        below = 0  # of a wide table nobody has such lines
+        below = 0  # wide tables have no lines of units
         if not wide:
             below, start = _lines_of_units(text, start, len(names), delimiter, roles)
         if below:
@@ -178,7 +178,7 @@ def header_of(
 def _lines_of_units(
     text: str, start: int, width: int, delimiter: str, roles: Roles
 ) -> tuple[int, int]:
-    """Lines below the header that have words for its places and times, and where rows begin.
+    """Return the lines of units below the header, and where rows begin.
 
     None if no row follows: then they are rows with mistakes.
     """
@@ -196,14 +196,14 @@ def _lines_of_units(
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    """The fields of a line; none if its quotes are wrong."""
+    """Split a line into its fields; none if its quotes are wrong."""
     with suppress(csv.Error):
         return next(split_rows([line], delimiter), [])
     return []
 
 
 def _delimiter(header: str, decimal: str) -> str:
-    """The most frequent delimiter outside quotes; the decimal mark only if there is no other."""
+    """Return the most frequent delimiter outside quotes; the decimal mark only if it is alone."""
     plain = _unquoted(header)
     return max(
         DELIMITERS,
@@ -212,7 +212,7 @@ def _delimiter(header: str, decimal: str) -> str:
 
 
 def header_by_blanks(line: str, after: str) -> list[str]:
-    """The words of a line that are the headers of a table by blanks; none if it is no such line.
+    """Return the headers in a line of a table by blanks; none if it is no such line.
 
     So numpy.savetxt writes tables, and the trajectories of robotics. A comment mark in front is
     left out if the line after has as many words: else it is a comment.
@@ -227,44 +227,46 @@ def header_by_blanks(line: str, after: str) -> list[str]:
 
 
 def _split_at_blanks(line: str) -> list[str]:
-    """The fields of a line of a table by blanks; a comment, which begins with a mark, is one."""
+    """Split a line of a table at blanks; a comment is one field."""
     fields = [within or plain for within, plain in FIELDS_BY_BLANKS.findall(line)]
     return [line] if fields and fields[0] in COMMENTS else fields
 
 
 def _unquoted(line: str) -> str:
-    """A line without what is in quotes."""
+    """Return a line without what is in quotes."""
     return re.sub(r'"[^"]*"', "", line) if '"' in line else line
 
 
 def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
-    """The fields of lines; rows that the csv module reads may have line ends in quotes."""
+    """Split lines into fields; the csv module also reads line ends in quotes."""
     if delimiter == BLANKS:
         return map(_split_at_blanks, each)
     return csv.reader(each, delimiter=delimiter, strict=True, skipinitialspace=True)
 
 
-def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
-    """The decimal mark of the first rows, with a notice in the roles if another one was asked for.
+def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tuple[Roles, str]:
+    """Return the decimal mark of the first rows; a notice in the roles if it is not the given one.
 
     It is another one only if no number has the one asked for and some have that for certain: 1,250
     and 1.250 may have a mark between thousands.
     """
-    columns = {roles.time, *roles.numbers} - {roles.weight}  # weights may be something else
-    other = {".": ",", ",": "."}[asked]
+    columns = {roles.time, *roles.numbers} - {
+        roles.weight
+    }  # a weight column may hold something else
+    other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
-        return roles, asked
+        return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
     certain = False
-    with suppress(csv.Error):  # an error when all rows are read
+    with suppress(csv.Error):  # reported when all rows are read
         for row in rows:
             for field in (row[k].strip() for k in columns if k < len(row)):
                 if re.fullmatch(DECIMAL, field):
-                    if asked in field:
-                        return roles, asked
+                    if requested in field:
+                        return roles, requested
                     certain |= not re.fullmatch(GROUPED_NUMBER, field)
     if not certain:
-        return roles, asked
+        return roles, requested
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
     return replace(roles, passed=(*roles.passed, notice)), other
 
@@ -310,7 +312,7 @@ KITTI_UNKNOWN = -1000.0
 def read_motchallenge(
     path: str, data: bytes, options: ReadOptions, role: str, *, given: bool
 ) -> Rows:
-    """The rows of a MOTChallenge file.
+    """Read the rows of a MOTChallenge file.
 
     Raises
     ------
@@ -330,7 +332,7 @@ def read_motchallenge(
 
 
 def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
-    """The rows of a VisDrone file.
+    """Read the rows of a VisDrone file.
 
     Raises
     ------
@@ -346,7 +348,7 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
         there = np.array([text == name for text in category.distinct], bool)
         if there.any():
             number = CATEGORIES.index(name)
-            rows.apart[name] = there[category.code], f"left out: {name}, class {number}"
+            rows.excluded[name] = there[category.code], f"left out: {name}, class {number}"
     _leave_out_flagged(rows, texts, "score", "score 0")
     attributes, column = dict(rows.attributes), VISDRONE_FIELDS.index("class")
     if column in attributes:
@@ -356,7 +358,7 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 
 
 def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """The rows of a KITTI file, the same in either role.
+    """Read the rows of a KITTI file, the same in either role.
 
     Raises
     ------
@@ -369,7 +371,7 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     )
     kind = texts["class"]
     ignored = np.array([text == IGNORED for text in kind.distinct], bool)
-    rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
+    rows.excluded[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
     _leave_out_unknown(rows, KITTI_UNKNOWN)
     return rows
 
@@ -385,7 +387,7 @@ def _read(
     given: bool,
     commas: bool = True,
 ) -> tuple[Rows, dict[str, Coded]]:
-    """The rows, and some columns as texts by name.
+    """Read the rows, and some columns as texts by name.
 
     Parameters
     ----------
@@ -449,7 +451,7 @@ def _read(
 
 
 def _first_line(text: str) -> tuple[int, str]:
-    """The first line that is not blank, and its number."""
+    """Return the first line that is not blank, and its number."""
     for number, line in enumerate(lines_of(text), start=1):
         if line.strip() and not line.lstrip().startswith(COMMENTS):
             return number, line
@@ -477,11 +479,11 @@ def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: 
     column = texts[name]
     values, wrong = numbers([text.strip() for text in column.distinct], ".")
     if wrong:
-        _, wrong = numbers([text.strip() for text in column], ".")  # with the row, and how many
+        _, wrong = numbers([text.strip() for text in column], ".")  # now with row and count
         row, message = wrong[0]
         raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
-    apart = values[column.code] == 0
-    rows.apart[NOT_CONSIDERED] = apart, f"left out: {flag}, not to be considered"
+    mask = values[column.code] == 0
+    rows.excluded[NOT_CONSIDERED] = mask, f"left out: {flag}, not to be considered"
 
 
 def _leave_out_unknown(rows: Rows, unknown: float) -> None:
@@ -500,18 +502,18 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
     if not place:
         return
     state = rows.roles.mixed(rows.numbers, rows.roles.state)[:, place]
-    apart = np.asarray((state == unknown).all(axis=1), bool)
-    if len(apart) and apart.all():
+    mask = np.asarray((state == unknown).all(axis=1), bool)
+    if len(mask) and mask.all():
         raise InputError(
             f"{rows.name}: no row has a place in space, all are {unknown:g}; without "
             f"{option('columns')} the centres of the boxes are compared, with "
             f"{option('distance', 'iou')} the boxes"
         )
-    rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
+    rows.excluded["no place"] = mask, f"without a place in space ({unknown:g}): absent at that step"
 
 
 def _category(texts: Coded, rows: Rows) -> Coded:
-    """The names of classes that are numbers; blank where no class is known.
+    """Return the names of classes that are numbers; blank where no class is known.
 
     Raises
     ------
