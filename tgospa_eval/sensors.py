@@ -128,7 +128,7 @@ class Pairing:
         if isinstance(given, str):  # the covariance differs for each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
             for spread_of_side, one in ((own, side), (other, self.second)):
-                spread_of_side[:-1] = 0.0 if one.second_moments is None else one.second_moments
+                spread_of_side[:-1] = 0.0 if one.spread is None else one.spread
             unpaired = (self.partners[0] == NOBODY)[:, None]
             partner = np.where(unpaired, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)

@@ -481,7 +481,7 @@ def _within(job: Job, time: str | None) -> Job:
     ConfigError
         The range of time is none of frames.
     """
-    period = parse_moments(time)
+    period = parse_time_range(time)
     if job.frames is None or period is None:
         return job
     frames = np.arange(job.frames[0], job.frames[1] + 1)

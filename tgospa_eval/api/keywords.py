@@ -186,7 +186,7 @@ def _names(name: str, value: object) -> str | tuple[str, ...]:
 
 def _check_range(option: str, about: OptionSpec, value: float) -> None:
     """Check that a number is in the range of the command line."""
-    if about.least is not None and not value >= about.least:
-        raise ConfigError(f"{option} is {value}: must be {about.least} or more")
-    if about.most is not None and not value <= about.most:
-        raise ConfigError(f"{option} is {value}: must be {about.most} or less")
+    if about.low is not None and not value >= about.low:
+        raise ConfigError(f"{option} is {value}: must be {about.low} or more")
+    if about.high is not None and not value <= about.high:
+        raise ConfigError(f"{option} is {value}: must be {about.high} or less")

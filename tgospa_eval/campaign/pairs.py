@@ -634,7 +634,7 @@ def _hidden(pattern: str) -> dict[str, str]:
     """Return a notice of hidden files that a pattern skips: runs are the same in all."""
     if not is_pattern(pattern):
         return {}
-    _, left = patterns.meant(_shape(pattern), inside=runs_inside)
+    _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
     dotted = {why: text for why, text in left.items() if why == patterns.DOTTED}
     star = not patterns.fields(pattern)
     return {why: text.replace(AS_FIELD, "*") if star else text for why, text in dotted.items()}
@@ -653,7 +653,7 @@ def _values(
         No file is like the pattern, or one is in two ways.
     """
     shape = _shape(pattern)
-    matches = list(patterns.found(shape, inside=runs_inside) if files is None else files)
+    matches = list(patterns.matching_paths(shape, inside=runs_inside) if files is None else files)
     if not matches:
         raise InputError(f"{pattern}: no such files", *notices)
     for path, values in matches:

@@ -253,7 +253,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
-        side.seen_as(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
+        side.reduced_to(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -271,7 +271,7 @@ def _near(
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
     """Return both sides on the steps of either, and the pairs of rows within the cutoff."""
-    pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
+    pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
     resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
     sides, prepared = distance.prepared((pair.truth, pair.estimate), resources)
@@ -387,8 +387,8 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.held is not None:  # reports count at their own stamps
-        narrow = estimate = axis.held.reports
+    if axis.reports is not None:  # reports count at their own stamps
+        narrow = estimate = axis.reports.estimate
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED
     )
@@ -399,7 +399,7 @@ def truth_gaps(
         _, near = _near(line, estimate, matching, distance, cutoff)
         near_rows = np.unique(near.estimate_row)
         states = len(near_rows)
-        if axis.held is not None:
-            states = int(np.count_nonzero(np.isin(axis.held.row, near_rows)))
+        if axis.reports is not None:
+            states = int(np.count_nonzero(np.isin(axis.reports.row, near_rows)))
     names = sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()})
     return intervals[wide], names, states

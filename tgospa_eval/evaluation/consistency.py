@@ -40,7 +40,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
-    if compared.held is not None:  # on a common clock a report counts at its own time
+    if compared.reports is not None:  # on a common clock a report counts at its own time
         names = np.array(compared.labels.truths, dtype=object)
         pair = compared.reports.located(names[problem.sides[0].track[rows[0]]], rows[1])
         states = pair[0].state, pair[1].state

@@ -151,7 +151,7 @@ def other_metrics(
                     f"{option('with_')} hota, clear and identity do not go together with "
                     f"{option('resample')} and {option('ignore')}; leave one out"
                 )
-            pairs = _similar_pairs(sides, prepared.distance, zero, resources, prepared.held)
+            pairs = _similar_pairs(sides, prepared.distance, zero, resources, prepared.reports)
             by_name = {name: METRICS[name](pairs) for name in requested}
         gospa = _gospa(prepared) if "gospa" in names else None
     return ComputedMetrics(by_name=by_name, gospa=gospa, zero=zero)
@@ -199,7 +199,11 @@ def _gospa(prepared: PreparedPair) -> dict[str, float]:
 
 
 def _similar_pairs(
-    sides: Sides, distance: Distance, zero: float, resources: Resources, held: Held | None
+    sides: Sides,
+    distance: Distance,
+    zero: float,
+    resources: Resources,
+    reports: ClockReports | None,
 ) -> SimilarPairs:
     """Return all pairs with a similarity above 0; tracks without a row do not count.
 
@@ -212,7 +216,7 @@ def _similar_pairs(
             sides, zero, distance, resources, margin=MIN_SIMILARITY if boxes else 0.0
         )
 
-    near = search(sides) if held is None else pairs_at_reports(held, sides, search)
+    near = search(sides) if reports is None else pairs_at_reports(reports, sides, search)
     rows = near.truth_row, near.estimate_row
     starts, place, track, lengths = [], [], [], []
     for side, row in zip(sides, rows, strict=True):

@@ -207,7 +207,10 @@ class NearPairs:
     ) -> "NearPairs":
         """Return both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
-        compared = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        compared = (
+            aligned.truth.reduced_to(distance.kinds),
+            aligned.estimate.reduced_to(distance.kinds),
+        )
         raw = distance
         sides, distance = distance.prepared(compared, resources)
         margin = 0.0
@@ -226,10 +229,10 @@ class NearPairs:
         else:
 
             def at_reports(both: Sides) -> Pairs:
-                compared = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
+                compared = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
                 return pairs_of(raw.prepared(compared, resources)[0], reach_of(both[0], request))
 
-            pairs = pairs_at_reports(held, (aligned.truth, aligned.estimate), at_reports)
+            pairs = pairs_at_reports(reports, (aligned.truth, aligned.estimate), at_reports)
             widest = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
             pairs = pairs.chosen(np.flatnonzero(pairs.distance <= widest))
         return cls(
@@ -286,16 +289,18 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
-def pairs_at_reports(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
+def pairs_at_reports(
+    clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]
+) -> Pairs:
     """Return pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
     blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
-    for (truth, reports), rows in held.blocks():
+    for (truth, reports), rows in clock.blocks():
         part = search((truth, reports))
-        track = held.number(truth)[truth.track[part.truth_row]]
+        track = clock.number(truth)[truth.track[part.truth_row]]
         blocks.append((track, rows[part.estimate_row], part.distance))
     track, report, distance = map(np.concatenate, zip(*blocks, strict=True))
-    row, other, length = held.on_clock((track, report, distance), sides)
+    row, other, length = clock.on_clock((track, report, distance), sides)
     return Pairs(truth_row=row, estimate_row=other, distance=length)
 
 
@@ -367,7 +372,7 @@ def measure(
             unit=request.unit,
         ),
         timestamps=truth.times,
-        settings=recorded_settings(distance, request, truth.columns, aligned.held),
+        settings=recorded_settings(distance, request, truth.columns, aligned.reports),
         recorded=recorded,
         **scene,
         step_weights=weights,
@@ -424,7 +429,7 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     """Return ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    masks = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
+    masks = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
     return masks if any(mask.any() for mask in masks) else None
 
 
@@ -499,8 +504,8 @@ def fit(
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
     silent = axis.outages.ticks if axis.outages is not None and axis.outages.counted else None
     aligned = align(truth, estimate, time_matching, names, silent)
-    if axis.held is not None:
-        aligned = replace(aligned, held=axis.held)
+    if axis.reports is not None:
+        aligned = replace(aligned, reports=axis.reports)
     if time_matching.of_estimate:  # the horizon has its stamps and those of its outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):

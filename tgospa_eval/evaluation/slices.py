@@ -347,7 +347,7 @@ def values_of(
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """Count the other objects of this side that are nearer than the cutoff."""
-    own_side = side.seen_as(distance.kinds)
+    own_side = side.reduced_to(distance.kinds)
     resources = Resources(jobs=1)
     both, distance = distance.prepared((own_side, own_side), resources)
     margin = distance.margin(both, cutoff)
@@ -572,9 +572,9 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
         if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
         else:  # reports have the speeds and neighbours
-            at = sides[0], held.reports
+            at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
-            values = first, None if second is None else second[held.row]
+            values = first, None if second is None else second[reports.row]
         by_attribute.append(members(attribute, values, rows, summed=by.summed))
     whole = by_attribute[0] if len(by_attribute) == 1 else by_attribute[0].crossed(by_attribute[1])
     if len(whole.names) > MAX_CROSSINGS:
@@ -602,7 +602,7 @@ def row_costs(proof: PairProof) -> RowCosts:
     price = problem.switch_price_at[step] * amount
     mass = weight / ONE
     if problem.unjudged is not None:
-        evaluated = judged_rows(states, weights)
+        evaluated = evaluated_rows(states, weights)
         mass = mass * evaluated[0][truths.row[entry]] * evaluated[1][estimates.row[entry]]
     error = metric.cutoff * problem.powers(entry) ** (1 / metric.order)
     return (

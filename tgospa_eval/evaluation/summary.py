@@ -120,7 +120,7 @@ class Tracked:
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
         evaluated: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
-            evaluated = judged_rows(proof.states, proof.weights)
+            evaluated = evaluated_rows(proof.states, proof.weights)
         sides, rows, places = [], [], []
         for side, mask in zip(problem.sides, evaluated, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
@@ -239,7 +239,7 @@ class Axes:
             own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.held is not None:  # on a common clock a report counts at its own time
+            if compared.reports is not None:  # on a common clock a report counts at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state

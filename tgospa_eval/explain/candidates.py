@@ -213,7 +213,7 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 def as_read(estimate: Trajectories) -> Trajectories:
     """Return the estimate as read from files, without marks made by options."""
-    made = NOT_JUDGED, AWAY
+    made = NOT_COUNTED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
 

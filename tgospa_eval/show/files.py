@@ -71,7 +71,7 @@ class Kind:
         if self.log is None or not (folder / self.log).is_file():
             return False
         # A study that was killed at once leaves an empty log as the only file.
-        return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
+        return bool((folder / self.log).stat().st_size) or len(list(manifest.visible(folder))) == 1
 
 
 WORK_FOLDER = "work"

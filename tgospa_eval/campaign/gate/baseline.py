@@ -159,7 +159,7 @@ def measured(row: Row) -> Measured:
         classes={name: values_of(part, scale) for name, part in row.get("classes", {}).items()},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=parameters,
-        evaluated_on=judged_of(row),
+        evaluated_on=coverage_of(row),
         estimate=row.get(ESTIMATE_DIGEST, ""),
         version=row["version"],
         status=row["message"],
@@ -331,7 +331,9 @@ def differences(entry: Json, now: Measured) -> list[str]:
     # On these grids the steps do not depend on the estimate: the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
-            old[name] == now.evaluated_on[name] for name in JUDGED_FIELDS if name != "truth_sha256"
+            old[name] == now.evaluated_on[name]
+            for name in COVERAGE_FIELDS
+            if name != "truth_sha256"
         ):
             wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
         return [*reasons, f"{wrong}; if that is right, make the baseline anew"]

@@ -155,7 +155,7 @@ class Report:
 
     def messages(self, *warnings: Notice) -> list[str]:
         """Return the messages beside the verdicts: where settings come from, and these warnings."""
-        return [*told(self.settings_file, warnings), *self.notices]
+        return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
     def status(self) -> int:

@@ -53,8 +53,8 @@ def diagnose(
         Whether it is known that nothing is wrong with clocks and states.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.held is not None:  # reports are compared, at their stamps
-        for (truth, reports), _ in itertools.islice(aligned.held.blocks(), 1):
+    if aligned.reports is not None:  # reports are compared, at their stamps
+        for (truth, reports), _ in itertools.islice(aligned.reports.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
@@ -106,9 +106,9 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             else f"the {clock.source}; {option('period')} declares it"
         )
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
-        single = f" ({held.alone:,} alone)" if held.alone else ""
+        single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
-            text=f"each report of the estimate holds for its period, {number(held.period)} "
+            text=f"each report of the estimate holds for its period, {number(clock.period)} "
             f"({which}), and is judged at its own time: {counted(used, 'report')}{single} at "
             f"{steps} of the common clock{off}"
         )

@@ -330,7 +330,7 @@ class Search:
         parameters: Parameters,
         distance: Distance,
     ) -> None:
-        self.truth, self.estimate = (side.seen_as(()) for side in sides)
+        self.truth, self.estimate = (side.reduced_to(()) for side in sides)
         self.timestamps, self.parameters, self.distance = timestamps, parameters, distance
         self.steps = self._sampled()
         self.rows = StepRows.of(self.estimate, self.steps)

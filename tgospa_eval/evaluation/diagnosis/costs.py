@@ -126,7 +126,7 @@ class StepRows:
         if steps is not None:
             return cls(side=side, bounds=rows_at(side, steps))
         rows = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
-        vars(rows)["table"] = side.seen_as(())
+        vars(rows)["table"] = side.reduced_to(())
         return rows
 
     @cached_property
