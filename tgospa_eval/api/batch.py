@@ -276,11 +276,9 @@ def batch(
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
     given = dict(locals())  # before any other local variable: the options of batch by their names
-    from_options = {
-        OPTION_SPECS[name].key: value for name, value in options.items() if value is not None
-    }
+    chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
     evaluation = {
-        **typed(from_options, "batch"),
+        **typed(chosen, "batch"),
         "summed": True,
         "curve": curve,
         "with_": ",".join(each(with_)) or None,
@@ -616,7 +614,7 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
     pending: list[Row] = []
     faults: list[Row] = []
     begin = flushed = shown = time.monotonic()
-    pending_steps = 0
+    steps = 0
     rows = spread(batch_row.evaluate_job, tasks, batch_row.lost_job, engine)
     try:
         for done, row in enumerate(rows, 1):
@@ -629,14 +627,11 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
             pending.append(row)
             if row["status"] == "failed":
                 faults.append(row)
-            pending_steps += row.get(STORED_STEPS, 0)
+            steps += row.get(STORED_STEPS, 0)
             now = time.monotonic()
-            if (
-                now - flushed > max(FLUSH, SHARE * (now - begin))
-                or pending_steps > MAX_PENDING_STEPS
-            ):
+            if now - flushed > max(FLUSH, SHARE * (now - begin)) or steps > MAX_PENDING_STEPS:
                 store.add(pending)
-                pending, flushed, pending_steps = [], now, 0
+                pending, flushed, steps = [], now, 0
             if now - shown > FLUSH:
                 shown, rate = now, done / (now - begin)
                 tell(

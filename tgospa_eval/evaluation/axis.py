@@ -230,12 +230,10 @@ def _interpolated(
         pair, near = _near(moved, other, matching, distance, cutoff)
         near_times = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
         outages = _find_outages(side, other, near_times, matching, names)
-        counted_ticks = (
-            outages.ticks if outages is not None and outages.counted else other.times[:0]
-        )
-        if len(counted_ticks):
-            other = _stamped(np.union1d(other.times, counted_ticks), other, other.clock, side)
-        if len(counted_ticks) or across:
+        silent = outages.ticks if outages is not None and outages.counted else other.times[:0]
+        if len(silent):
+            other = _stamped(np.union1d(other.times, silent), other, other.clock, side)
+        if len(silent) or across:
             moved, made = make(other, across=across)
     sides = (moved, axis.sides[1]) if which == 0 else (axis.sides[0], moved)
     return replace(axis, sides=sides, made=(str(matching.interpolate), made), outages=outages)

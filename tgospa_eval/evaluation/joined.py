@@ -228,16 +228,14 @@ class JoinedPairs:
         """
         self.states = states = self.reduced()
         problem = states.problem
-        weights, prices, separate = self._solve()
+        weights, prices, lone = self._solve()
         if problem.cost_slack:  # powers near the smallest double are not exact
-            separate[:] = True
+            lone[:] = True
         whole = feasible(states, weights)
         lower = lower_bounds(states, prices).tolist()
         parts = break_down_parts(states, whole, (self.pairs, *self.rows, self.steps))
         blocks, unpaired = itertools.pairwise(self.blocks), zip(*self._unpaired(), strict=True)
-        for split, left, (low, high), skipped in zip(
-            parts, unpaired, blocks, separate, strict=True
-        ):
+        for split, left, (low, high), skipped in zip(parts, unpaired, blocks, lone, strict=True):
             bounds = Bounds(
                 lower=lower_cost(problem, math.fsum((*lower[low:high], *left))),
                 upper=upper_cost(problem, split),

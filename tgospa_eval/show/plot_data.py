@@ -264,11 +264,7 @@ def _association_data(pairing: Pairing) -> PlotData:
         KINDS.items(), sides, sides[::-1], pairing.partners, pairing.partings, strict=True
     ):
         lone, track = partner == NONE, side.track.astype(np.int64)
-        rows: Rows = {
-            "track": track,
-            "step": side.step.astype(np.int64),
-            "shared": lone & False,
-        }
+        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": lone & False}
         rows["other"] = np.where(lone, NONE, np.append(other.track, 0)[partner])
         rows["error"] = np.where(lone, 1.0, distance / pairing.cutoff)
         if name == "truth" and pairing.gates is not None:

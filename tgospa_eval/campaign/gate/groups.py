@@ -189,10 +189,8 @@ def judge_groups(
     weights: list[float] = []
     tested: list[tuple[Summed, float]] = []
     jumped: dict[int, str] = {}
-    for (place, _), sums_of_groups in sums.items():
-        some = [
-            (one, group in groups[place]) for group, one in sums_of_groups if one and one.is_tested
-        ]
+    for (place, _), row in sums.items():
+        some = [(one, group in groups[place]) for group, one in row if one and one.is_tested]
         tested += [(one, tables[place].confidence) for one, _ in some]
         singles = sum(single for _, single in some)
         rest = 1.0 - OF_ALL if singles < len(some) else 1.0
@@ -604,15 +602,11 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
         return None
     if names_summary(rule.path):
         values = [one.values.get(rule.path) for one in runs]
-        old_values = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
-        if None in values or (None in old_values and not rule.absolute):
+        earlier = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
+        if None in values or (None in earlier and not rule.absolute):
             return None
         now = rules.Value.of(math.fsum(v.upper for v in values if v) / len(values))
-        base = (
-            math.fsum(old_values) / len(old_values)
-            if old_values and None not in old_values
-            else None
-        )
+        base = math.fsum(earlier) / len(earlier) if earlier and None not in earlier else None
         finding = rules.judge(rule, now, base)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     if rule.path in rules.OF_NEES:

@@ -228,17 +228,12 @@ def combined_outcome(
     pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
-    all_findings = [
-        *dead,
-        *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True)),
-    ]
-    notes = [*more, *(text for one in all_findings for text in _sentences(one))]
-    better = [one.rule.path for one in all_findings if one.improved]
+    every = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
+    notes = [*more, *(text for one in every for text in _sentences(one))]
+    better = [one.rule.path for one in every if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
-    return PairOutcome.of(
-        pair, _worst(all_findings), *notes, findings=tuple(all_findings), group=True
-    )
+    return PairOutcome.of(pair, _worst(every), *notes, findings=tuple(every), group=True)
 
 
 TIGHTER = "baseline can be tightened: {} improved by more than the slack"
@@ -548,9 +543,7 @@ def accepting_options(
         or any(finding.verdict is Verdict.FAIL for finding in one.findings)
     )
     if not names and not any(one.status for one in outcomes):
-        names = names_of(
-            one for one in outcomes if any(finding.improved for finding in one.findings)
-        )
+        names = names_of(one for one in outcomes if any(each.improved for each in one.findings))
     if not names:
         return []
     some = [] if names >= there.keys() else patterns_of(names, {*there, *old})

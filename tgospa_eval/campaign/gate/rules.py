@@ -370,16 +370,11 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
                     f"{option(name)} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
                     "PATH:..MOST, as nees:1.5..2.5"
                 )
-            is_minimum = sign == "least"
-            shown = f"{path}{'>=' if is_minimum else '<='}{given[sign]}"
+            low = sign == "least"
+            shown = f"{path}{'>=' if low else '<='}{given[sign]}"
             warns = name == "warn_on"
             yield Rule(
-                text=shown,
-                path=path,
-                slack=limit,
-                absolute=True,
-                is_minimum=is_minimum,
-                warns=warns,
+                text=shown, path=path, slack=limit, absolute=True, is_minimum=low, warns=warns
             )
 
 

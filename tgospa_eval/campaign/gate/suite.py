@@ -281,23 +281,20 @@ def load_suite(
     for number, table in enumerate(_tables(document, "limits", path), start=1):
         pairs = _limited(pairs, table, f"{path}, limits {number}")
     groups = _tables(document, "group", path)
-    by_name: dict[str, Job] = {}
+    named: dict[str, Job] = {}
     for pair in pairs:
         if pair.fault:
             continue
-        if pair.name in by_name:
+        if pair.name in named:
             raise ConfigError(
                 f"{path}: the name {quoted(pair.name)} is there twice, for "
-                f"{by_name[pair.name].truth} and {pair.truth}; give every [[pair]] a name "
-                "of its own"
+                f"{named[pair.name].truth} and {pair.truth}; give every [[pair]] a name of its own"
             )
-        by_name[pair.name] = pair
+        named[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
-    group_tables = [
-        _group(table, pairs, f"{path}, group {k}") for k, table in enumerate(groups, start=1)
-    ]
+    made = [_group(table, pairs, f"{path}, group {k}") for k, table in enumerate(groups, start=1)]
     where = None if baseline is None else os.path.join(folder, baseline)
-    return pairs, group_tables, where, list(dict.fromkeys(notices))
+    return pairs, made, where, list(dict.fromkeys(notices))
 
 
 def _tables(document: Table, key: str, path: str) -> list[Table]:

@@ -450,10 +450,8 @@ class Verb(click.Command):
         verbs = [verb for verb in VERBS if text in long_options(load(verb))]
         if verbs:
             return f"{text} is no option of {self.name}, but of {', '.join(verbs)}"
-        suggestion = self._by_another_name(text) or nearest(text, long_options(self))
-        return f"no such option: {clipped(text)}" + (
-            f"; did you mean {suggestion}?" if suggestion else ""
-        )
+        hint = self._by_another_name(text) or nearest(text, long_options(self))
+        return f"no such option: {clipped(text)}" + (f"; did you mean {hint}?" if hint else "")
 
     def _by_another_name(self, text: str) -> str | None:
         """Return the option, with its value, that has this name in other programs."""

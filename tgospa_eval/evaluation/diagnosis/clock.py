@@ -715,12 +715,10 @@ def _near_misses(
     if not len(close):
         return None
     unit = SECOND if clock != "number" else 1
-    widest = float(close.max())
+    wide = float(close.max())
     if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
-        widest = max(
-            widest - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * widest
-        )
-    named = _rounded_up(widest / unit)
+        wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
+    named = _rounded_up(wide / unit)
     pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
     unshared = aligned.union - aligned.common
     return Notice(
