@@ -188,7 +188,7 @@ def read_document(
     kind: type[TgospaError] = InputError,
     *,
     remedy: str,
-    limit: int = SETTINGS,
+    size: int = SETTINGS,
 ) -> dict[str, Any]:
     """Read the document of a file.
 
@@ -204,7 +204,7 @@ def read_document(
         Of the error.
     remedy : str
         What would be right.
-    limit : int
+    size : int
         Bytes that it has at most.
 
     Raises
@@ -212,9 +212,7 @@ def read_document(
     kind
         It cannot be read, or is no such document.
     """
-    return document_of(
-        read_bytes(path, kind, limit), path, schema, description, kind, remedy=remedy
-    )
+    return document_of(read_bytes(path, kind, size), path, schema, description, kind, remedy=remedy)
 
 
 def document_of(

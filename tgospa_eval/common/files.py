@@ -15,7 +15,7 @@ SETTINGS = 1 << 26
 """Bytes that no file of settings has."""
 
 STDIN = "<stdin>"
-"""What the standard input is called; a file of this name is ./<stdin>."""
+"""Name of the standard input; a file of this name is ./<stdin>."""
 
 CHUNK = 1 << 24
 """Bytes that are read at a time where the length is not known."""
@@ -29,7 +29,7 @@ def _silent(text: str) -> None:
 
 
 announce: Callable[[str], None] = _silent
-"""What to do with a notice of what is waited for; the command line prints it."""
+"""Receiver of notices about waiting; the command line prints them."""
 
 
 @contextmanager

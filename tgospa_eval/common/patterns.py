@@ -16,13 +16,13 @@ from tgospa_eval.common.words import counted
 FIELD = r"\{([A-Za-z_]\w*)\}"
 
 WITH_VARIABLES = r"(?s:(.+\.(?i:mat(?:\.gz|\.gzip|\.zst|\.zstd)?))):"
-"""What names a file that has variables, before the name of one."""
+"""Pattern of a file that has variables, before the name of one."""
 
 Inside = Callable[[str], Iterable[str]]
 """Names of what can be read of such a file."""
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
-"""Why a file is passed over."""
+"""Reasons for which a file is passed over."""
 
 
 def fields(pattern: str) -> list[str]:

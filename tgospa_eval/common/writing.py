@@ -16,7 +16,7 @@ from tgospa_eval.common.files import named, patience, reason
 from tgospa_eval.errors import ConfigError
 
 FRESH = ".tgospa-eval-new-"
-"""What names begin with that are there only while something is written; a process id follows."""
+"""Prefix of names that exist only while something is written; a process id follows."""
 
 OLD = 3600.0
 """Seconds after which nobody writes any more."""

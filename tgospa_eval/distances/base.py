@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 Fault = tuple[Mask, str, str]
-"""Which states are wrong in a column, the column, and what is wrong with the first of them."""
+"""Mask of states that are wrong in a column, the column, and the fault of the first."""
 
 REACH_ROUNDING = 2.0**-40
-"""What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
+"""Share by which reaches are widened: far above rounding, so that no candidate is lost."""
 
 
 DistanceSettings = dict[str, Any]
-"""What changes the number beside the name of a distance, by the names of the options."""
+"""Settings of a distance that change the number, by the names of the options."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
-"""Of widths and heights, so that areas are doubles."""
+"""Limits of widths and heights, so that areas are doubles."""
 
 MAX_BLUR = 2.0**-20
 """Largest margin of a distance around the cutoff."""
 
 TRACKEVAL_EPS = 2.0**-52
-"""What TrackEval allows for: of areas that are 0, and of an IoU that reaches a threshold."""
+"""Tolerance of TrackEval: of areas that are 0, and of an IoU that reaches a threshold."""
 
 
 @dataclass(frozen=True, kw_only=True)

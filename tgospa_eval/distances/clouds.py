@@ -70,10 +70,10 @@ from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
-"""Of the cutoff: a bound that is above it by rounding alone decides nothing."""
+"""Share of the cutoff: a bound that is above it by rounding alone decides nothing."""
 
 UNSURE = 1e-11
-"""Of the variances: what rounding may add to the Gelbrich bound, and far more."""
+"""Share of the variances, far above what rounding may add to the Gelbrich bound."""
 
 BOUNDS_TOGETHER = 1 << 16
 """Pairs whose bounds are computed at a time."""

@@ -31,7 +31,7 @@ NEARLY_DETERMINED = 0.5
 """A column gets a residual if its standard deviation given those before it is less of its own."""
 
 LARGEST_REST = 1e300
-"""Of residuals, so that their differences are doubles."""
+"""Largest residual, so that differences are doubles."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
 """Norms as the kernels call them."""
 
 Ranges = tuple[Ints, Ints]
-"""Of truth and estimate the first row and the end of the rows of each step (2, T)."""
+"""First row and end of the rows of each step, of truth and estimate (2, T)."""
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:

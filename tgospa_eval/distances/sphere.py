@@ -114,7 +114,7 @@ def _cosine(latitude: Floats) -> Floats:
 
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
-"""Of WGS 84, in metres."""
+"""The ellipsoid WGS 84, in metres."""
 
 ECCENTRICITY = FLATTENING * (2 - FLATTENING)
 """The square of the first one."""

@@ -237,7 +237,7 @@ ASSIGNED = 200
 """Particles up to which an assignment is quicker than transport."""
 
 WIDEST = 1e150
-"""Of whitened coordinates: their squares are numbers."""
+"""Largest whitened coordinate, so that squares are doubles."""
 
 MAX_PARTICLES = 4000
 """Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
@@ -254,7 +254,7 @@ def too_large() -> str:
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 WEIGHT_ROUNDING = 1e-13
-"""Of a weight: what rounding makes of one, added and divided in another order."""
+"""Share of a weight that rounding may change, summed and divided in another order."""
 
 
 def cloud_wasserstein(
@@ -529,7 +529,7 @@ def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
 
 
 Lines = tuple[Floats, Floats]
-"""Of projections of a cloud: places (V, N) in order, and the sums of their weights, or (1, N)."""
+"""Sorted places (V, N) of projections of a cloud, and running weights, (V, N) or (1, N)."""
 
 
 def on_lines(cloud: Cloud, directions: Floats) -> Lines:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
-"""Of scales and periods: beyond these, products with a cutoff may be no doubles."""
+"""Limits of scales and periods: beyond these, products with a cutoff may overflow."""
 
 MAX_BLUR = 2.0**-20
 """Largest margin in units of the cutoff: coordinates with fewer digits say little anyway."""

@@ -40,7 +40,7 @@ NAMES = {
     "id": ("id", "ids"),
     "columns": ("columns",),
 }
-"""What variables are called, the usual name first."""
+"""Names of variables, the usual one first."""
 
 NUMPY = {"x": ("Tnd",), "P": ("Tndd",), "particles": ("TnNd",), "weights": ("TnN",)}
 MATLAB = {

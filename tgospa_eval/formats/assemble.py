@@ -169,7 +169,7 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
-"""What programs write as the id of a row that belongs to no track."""
+"""Ids that programs write for a row that belongs to no track."""
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
@@ -256,7 +256,7 @@ def without_id(name: str, rows: Rows, columns: str) -> str:
 
 
 UNKNOWN = (-1.0, 0.0)
-"""What programs write in each column of a place that they do not know."""
+"""Numbers that programs write in each column of an unknown place."""
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
@@ -470,9 +470,7 @@ def _check_states(
             )
             way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
-        place = rows.where(int(at[0])).removeprefix(
-            f"{rows.name}, "
-        )  # every notice begins with the name
+        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with it
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:

@@ -387,7 +387,7 @@ def _reading_of(text: str) -> str:
 
 
 BLANK = "leave it blank where the object is absent"
-"""Of a number that has no remedy of its own."""
+"""Remedy for a number without a better one."""
 
 
 def remedy_for(text: str) -> str:

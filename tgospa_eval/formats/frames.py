@@ -63,7 +63,7 @@ TIME_TYPES = (*NUMBER_TYPES, datetime.date)
 """Values that are numbers and times, or none by their text."""
 
 UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
-"""What pandas raises where it cannot write out a timestamp."""
+"""Errors of pandas about a timestamp that it cannot write."""
 
 
 def from_frame(

@@ -39,14 +39,14 @@ MAGIC = {
 GUESSED_FROM = 1 << 12
 
 VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
-"""Of objects; 0 is for regions that are not considered."""
+"""Classes of objects; 0 is for regions that are not considered."""
 
 SAMPLES = "sample.json"
 """The table of nuScenes that has the times."""
 TABLES_READ = ("category.json", "instance.json", SAMPLES, "sample_annotation.json", "scene.json")
 """All that are read of it."""
 RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
-"""How results of nuScenes begin; what is before is short."""
+"""Beginning of results of nuScenes, after a short part."""
 
 ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
 """Columns of Argoverse 2, in Feather files."""
@@ -57,7 +57,7 @@ BEGINNINGS = {
     "json": r'\{\s*["}]|\[\s*[{\]]',
     "deeplabcut": r"scorer,.*\s+(individuals,.*\s+)?bodyparts,.*\s+coords,",
 }
-"""How files of text of these formats begin, whatever their names are."""
+"""Beginnings of text files of these formats, whatever their names are."""
 
 VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
 """A file of MATLAB and one of its variables, or an element of a cell."""

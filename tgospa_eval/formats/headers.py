@@ -64,13 +64,13 @@ def _common(texts: Sequence[str]) -> str:
 
 
 WEIGHT = "weight"
-"""Of particles."""
+"""Header of the weights of particles."""
 
 NO_STATES = ("id", "t", "class", WEIGHT)
 """Columns that are no part of the state, also where they are named."""
 
 PREFIXES = ("cov_", "std_", "rho_")
-"""Of entries of covariances."""
+"""Prefixes of entries of covariances."""
 
 SPREAD = re.compile(
     r"(cov|var|std|sigma|rho)_\w+|p_\w+_\w+|p_?(\d_?\d|(?P<axis>[a-z])_?(?P=axis))", re.IGNORECASE
@@ -242,16 +242,16 @@ HINTS = {
     "id": "id$|mmsi|track|trk|obj|target|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
-"""What headers have that may be meant where no alias is found."""
+"""Words in headers to suggest for a column without an alias."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
-"""In what the two headers of a position differ."""
+"""Parts in which the two headers of a position differ."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
     "^d?v|vel|speed|acc|size|std|cov|var|rho|sigma|err|min|max|width|height"
 )
-"""In headers of what is measured beside ids, times and places, and so none of these."""
+"""Words in headers of other quantities than ids, times and places."""
 
 
 GROUP = re.compile(
@@ -291,9 +291,7 @@ class Headers:
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
-            if (
-                header == first and first not in self.exact
-            ):  # a first header may begin like a comment
+            if header == first and first not in self.exact:  # it may begin like a comment
                 mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}

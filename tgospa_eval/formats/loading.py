@@ -104,10 +104,10 @@ def max_bytes(limit: float | None, path: str) -> int:
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
-"""Of the standard library, or the same for older versions."""
+"""Module of the standard library, or its backport."""
 
 GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
-"""How compressed files begin that are unpacked here."""
+"""Beginnings of the compressed files that are unpacked here."""
 
 PACKED_SUFFIXES = (".gz", ".gzip", ".zst", ".zstd")
 

@@ -59,7 +59,7 @@ Room = Callable[[int, str], None]
 # as much as a file claims: so compressed data are unpacked here, as far as there is room.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
-"""How files begin."""
+"""Beginnings of files."""
 
 TEXT_HEADER = 128
 DEFLATED = 15
@@ -235,7 +235,7 @@ TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
 
 VARIABLES = {"truth": ("X", "truth"), "estimate": ("Y", "est", "estimate")}
-"""What the published code, and toolboxes, call them: the one to take where a file has several."""
+"""Names in the published code and in toolboxes: the set to take if a file has several."""
 
 STATES, LABELS = "X", ("L", "track_list")
 """Cells with the states and the labels of each step."""

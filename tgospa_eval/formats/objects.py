@@ -51,7 +51,7 @@ class ArrayLike(Protocol):
 
 
 ALL_AXES = 4
-"""Of an array (runs, T, k, d)."""
+"""Number of axes of an array (runs, T, k, d)."""
 
 TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequence[object]]"
 """Times and states."""
@@ -77,7 +77,7 @@ class TrackLike(Protocol):
 
 
 Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
-"""Of state vectors those to compare; for both sides, or a pair of such."""
+"""Components of state vectors to compare; for both sides, or a pair of such."""
 
 
 def _rows_of_tracks(
@@ -229,8 +229,8 @@ TrajectoriesLike: TypeAlias = (
     "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | NamedArray | str | "
     "os.PathLike[str]"
 )
-"""What a side may be: Trajectories, a table in the long form, a path, an array (T, k, d) or such
-with its times, arrays by id, arrays of xarray, tracks of Stone Soup."""
+"""Forms of a side: Trajectories, a table in the long form, a path, an array (T, k, d) or such with
+its times, arrays by id, arrays of xarray, tracks of Stone Soup."""
 
 
 Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
@@ -325,7 +325,7 @@ NAMED_AXES = {
     "N": ("particle", "sample"),
     "d": ("state", "component", "coordinate", "coord", "axis", "space", "dim", "xyz", "xy"),
 }
-"""What the axes of `formats.arrays` are called, in the singular, without a number at the end."""
+"""Names of the axes of `formats.arrays`, in the singular, without a number at the end."""
 
 ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
 """The variable that has these axes, sorted."""

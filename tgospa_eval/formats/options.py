@@ -313,7 +313,7 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
 
 
 ROLES = ("truth", "estimate")
-"""What a file may be."""
+"""Roles of a file."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ SHAPES = {
 
 
 FARTHEST = 1e150
-"""Of coordinates and sizes, so that areas are doubles."""
+"""Largest coordinate or size, so that areas are doubles."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -407,9 +407,7 @@ def _second_of_times(headers: Headers) -> int | None:
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
         return None
     position = headers.spelt(second, "t")
-    headers.mapped["t"] = (
-        second if position is None else first
-    )  # the message about a missing column names it
+    headers.mapped["t"] = second if position is None else first  # named if it is missing
     return position
 
 
@@ -555,7 +553,7 @@ def _namings(
 
 
 CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
-"""In headers of the centres of boxes."""
+"""Pattern of headers of the centres of boxes."""
 
 
 def _box(

@@ -18,7 +18,7 @@ from tgospa_eval.text import option
 from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
 
 BEYOND = 1e-3
-"""By what the size of a correlation may exceed 1: rounding in a file."""
+"""Excess of a correlation over 1 that may be rounding in a file."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,7 +93,7 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Of a whole price: sums of as many as there can be of either half are no overflow."""
+"""Half of a whole price: sums of either half do not overflow."""
 
 TERMS_TOGETHER = 64
 """Terms of a cost that are added with rounding; sums of these are added without."""

@@ -16,7 +16,7 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import ONE, States, changes
 
 Offsets = tuple[Ints, Ints, Ints, Floats, Floats]
-"""What `offsets` returns."""
+"""Return type of `offsets`."""
 
 
 def offsets(states: States) -> Offsets:

@@ -12,7 +12,7 @@ from tgospa_eval.text import visible
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """What became of one proof.
+    """Outcome of one proof.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """What became of the proofs of a folder; true if all hold.
+    """Outcomes of the proofs of a folder; true if all hold.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Verification:
 
     @property
     def holds(self) -> bool:
-        """Whether all claims hold."""
+        """True if all claims hold."""
         return all(claim.holds for claim in self.claims)
 
     def __bool__(self) -> bool:
@@ -82,7 +82,7 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
 
 
 def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
-    """All proofs of a folder, each judged by its path and its files; the work of all is limited.
+    """Check all proofs of a folder by its path and its files; the work of all is limited.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Clai
 
 
 def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = str) -> Claim:
-    """Whether the proof in one folder holds.
+    """Check the proof in one folder.
 
     Parameters
     ----------
@@ -128,11 +128,11 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
 
 
 def _folders(folder: str) -> list[str]:
-    """The folders that have a proof: the one that was named, or those of classes in it."""
+    """Return the folders that have a proof: the named one, or those of classes in it."""
     for path in (folder, os.path.join(folder, PROOF_FOLDER)):
-        found = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
-        if found:
-            return found
+        folders = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
+        if folders:
+            return folders
     raise InputError(
         f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes "
         "one, in Python Result.proof.save(folder)"
@@ -140,10 +140,10 @@ def _folders(folder: str) -> list[str]:
 
 
 def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
-    """Each class that has no proof of its own, where classes were proven apart."""
+    """Yield a claim for each class without a proof, where classes were proven separately."""
     there, needed = set(), set()
     for path in folders:
-        with suppress(*verify_tgospa.DAMAGED):  # which the claim will say
+        with suppress(*verify_tgospa.DAMAGED):  # the claim reports the damage
             document = verify_tgospa.Folder(path).proof()
             there.add(document.get("class"))
             needed.update(document.get("classes", ()))

@@ -24,19 +24,19 @@ from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
-MARKS, JUDGED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
+MARKS, COUNTED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
 MORE_BITS = 120  # of costs, beyond those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
 
-# Limits far above what is needed: whatever a small folder has, it is checked in seconds.
+# Limits far above what is needed, so that any small folder is checked in seconds.
 PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
-WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # microseconds, about, for so many bytes; bytes
+WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # about microseconds per megabyte; bytes
 
-# What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
+# All fields of proof.json: [x] is a list of x, (x, y) a row, fields of MAY are optional.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
@@ -74,26 +74,26 @@ class BeyondLimits(ValueError):
 
 
 def visible(text):
-    """A text on one line, all of it to be seen: no line ends, no marks that control or turn it."""
+    """Return a text on one line, all of it visible: no line ends or control marks."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def number(text):
-    """The binary64 number nearest to a plain decimal, as numerator and denominator."""
+    """Return the binary64 number nearest to a plain decimal, as numerator and denominator."""
     if len(text) > LENGTH or not PLAIN_NUMBER.fullmatch(text) or math.isinf(value := float(text)):
         raise ValueError(f"{text!r:.80} is no plain decimal number in the range of binary64")
     return value.as_integer_ratio()
 
 
-def whole(value, most=10**FIGURES):
-    """A value that must be an integer >= 0."""
-    if not isinstance(value, int) or not 0 <= value <= most:
+def whole(value, limit=10**FIGURES):
+    """Return a value that must be an integer >= 0."""
+    if not isinstance(value, int) or not 0 <= value <= limit:
         raise Wrong(f"{value!r:.80} must be a whole number, not below 0 and not too large")
     return value
 
 
 def check(value, kind, where):
-    """Whether a value of the document is of a kind, as DOCUMENT has them."""
+    """Check that a value of the document is of a kind, as DOCUMENT has them."""
     if isinstance(kind, dict):
         check(value, dict, where)
         known = kind | kind.get(MAY, {})
@@ -123,17 +123,17 @@ class Folder:
         self.size, self.work = (before.size, before.work) if before else (0, 0)
 
     def read(self, name):
-        """The bytes of a file of the folder itself."""
+        """Return the bytes of a file of the folder itself."""
         if not (path := self.path / name).is_file():  # a device may have no end
             raise FileNotFoundError(f"{name} is missing, or no file")
-        if path.resolve().parent != self.path.resolve():  # what is elsewhere is not for messages
+        if path.resolve().parent != self.path.resolve():  # messages must not show files elsewhere
             raise ValueError(f"{name} is a link out of the folder: must be a file in it")
         if path.stat().st_size > LARGEST_FILE:
             raise BeyondLimits(f"{name} is too large: at most {LARGEST_FILE} bytes are read")
         return path.read_bytes()
 
     def text(self, name, digest=None):
-        """A file, which must be UTF-8 without a byte order mark, and have the digest if any."""
+        """Return the text of a file: UTF-8 without a byte order mark, with the digest if any."""
         self.size += len(data := self.read(name))
         if digest not in (None, hashlib.sha256(data).hexdigest()):
             raise Wrong(f"{name} was changed after the proof was written")
@@ -145,7 +145,7 @@ class Folder:
             raise ValueError(f"{name} is not UTF-8, as of byte {error.start}") from None
 
     def table(self, name, proof, *header):
-        """The rows of a table, which must be the one that was proven and have these columns."""
+        """Return the rows of a table, which must be the proven one and have these columns."""
         text = self.text(name, proof["sha256"][name])
         top, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
         if top != list(header) or any(len(row) != len(header) for row in rows):
@@ -153,7 +153,7 @@ class Folder:
         return rows
 
     def proof(self):
-        """The document, if it has the fields of the schema and no others."""
+        """Return the document, if it has the fields of the schema and no others."""
         proof = json.loads(
             self.text("proof.json"),
             object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else {"name twice": 0},
@@ -187,48 +187,48 @@ class Folder:
 
 
 def is_closed(given):
-    """Whether distances follow from the states: not those of reports on a common clock."""
+    """Return whether distances follow from the states: not for reports on a common clock."""
     return given["distance"] in CLOSED and "held" not in given
 
 
 def pair_work(columns, size):
-    """Of a pair that is measured, of so many columns of so many bits."""
+    """Estimate the work of a measured pair, of so many columns of so many bits."""
     return 2.5 + columns * (0.5 + size / 500)
 
 
 def power_work(exponent, size, bits):
-    """Of a near pair: a power of integers of so many bits, and its part in the bounds."""
+    """Estimate the work of a near pair: a power of integers of so many bits, and its bounds."""
     if exponent.denominator <= 16 and (top := exponent.numerator * size) <= EXACT_BITS:
         return 10 + bits / 50 + (top + exponent.denominator * bits) ** 2 / 10**6
     return 40 + size / 20 + (30 + bits / 3) ** 2 / 80
 
 
 def power(a, b, exponent, bits):
-    """(a / b)^exponent in units of 2^-bits, rounded down and rounded up."""
+    """Return (a / b)^exponent in units of 2^-bits, rounded down and rounded up."""
     if a == 0:
         return 0, 0
     n, root = exponent.as_integer_ratio()
     if root <= 16 and n * max(a.bit_length(), b.bit_length()) <= EXACT_BITS:
         low = (top := a**n << root * bits) // (base := b**n)
-        for _ in range(root.bit_length() - 1):  # it is a power of 2
+        for _ in range(root.bit_length() - 1):  # root is a power of 2
             low = math.isqrt(low)
         return low, low + (low**root * base < top)
     digits = 30 + (bits + (math.ceil(math.log2(a / b) * exponent) if a > b else 0)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         value = (decimal.Decimal(float(exponent)) * (decimal.Decimal(a) / b).ln()).exp() * 2**bits
-        margin = decimal.Decimal("0.001")  # far above what the steps, rounded correctly, are off by
+        margin = decimal.Decimal("0.001")  # far above the error of correctly rounded steps
         return math.floor(value - margin), math.ceil(value + margin)
 
 
 class Known(dict):
-    """What is in the tables, by its text there."""
+    """Contents of the tables, by their text."""
 
     def __missing__(self, text):
         raise Wrong(f"no table has {text!r:.80}")
 
 
 class ClaimedScene:
-    """What exists when, and the cost of each pair that is nearer than the cutoff."""
+    """Objects by step, and the cost of each pair that is nearer than the cutoff."""
 
     def __init__(self, folder, proof):
         given = proof["parameters"]
@@ -241,9 +241,9 @@ class ClaimedScene:
         low = min(self.cutoff, rho, 1 - rho, *(x for x, _ in scale))
         if low <= 0 or min(x for x, _ in (change, *turn)) < 0 or not 1 <= self.order <= TOP_ORDER:
             raise ValueError("parameters are out of range")
-        most = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
-        self.never = (change := Fraction(*change) / self.cutoff) > most  # see `upper_bound`
-        self.change = power(*min(change, most).as_integer_ratio(), self.order, self.bits - 1)  # L
+        limit = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
+        self.never = (change := Fraction(*change) / self.cutoff) > limit  # see `upper_bound`
+        self.change = power(*min(change, limit).as_integer_ratio(), self.order, self.bits - 1)  # L
         marks = [[mark] if "masked" in given else [] for mark in MARKS]
         tables = [
             folder.table(name, proof, "id", "t", *names, *mark) for name, mark in zip(STATES, marks)
@@ -255,11 +255,11 @@ class ClaimedScene:
         one, price = 1 << self.bits, [{}, {}]
         for of, full in enumerate((1 - rho, rho)):
             for name, t, *state in tables[of]:
-                mark = state.pop() if marks[of] else JUDGED[of]
-                if mark not in JUDGED:
+                mark = state.pop() if marks[of] else COUNTED[of]
+                if mark not in COUNTED:
                     raise ValueError(f"{MARKS[of]} is {mark!r:.80}: must be 0 or 1")
                 sides[of][name, self.step[t]] = list(map(number, state))
-                price[of][name, self.step[t]] = full * one * (mark == JUDGED[of])
+                price[of][name, self.step[t]] = full * one * (mark == COUNTED[of])
         self.all = sum(itertools.chain(*map(dict.values, price)))
         self.unjudged = [f"{[*of.values()].count(0)} of {len(of)}" for of in price]
         if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
@@ -285,13 +285,13 @@ class ClaimedScene:
                 raise ValueError("distances.csv has a pair twice at one time")
 
     def _lost(self, low, high, missed, false):
-        """What is left of 1 when a pair gains P_i + P_j - w (d / c)^p, as integers around it."""
+        """Return 1 less the gain P_i + P_j - w (d / c)^p of a pair, as integers around it."""
         rest = (1 << self.bits) - missed - false
         cost = [rest + (power if missed else 0) for power in (low, high)]
         return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
 
     def _listed(self, sides, rows):
-        """Pairs of distances.csv, with two integers of which the ratio is d / c."""
+        """Yield the pairs of distances.csv, with two integers whose ratio is d / c."""
         top, base = self.cutoff.as_integer_ratio()
         for truth, estimate, t, distance in rows:
             k, (a, b) = self.step[t], number(distance)
@@ -300,10 +300,10 @@ class ClaimedScene:
             yield truth, estimate, k, a * base, b * top
 
     def _measured(self, folder, sides, scale, turn):
-        """Pairs of each step, of points in neighbouring cells, which are as large as the cutoff."""
+        """Yield the pairs of each step, in neighbouring cells as large as the cutoff."""
         every = itertools.chain([turn], sides[0].values(), sides[1].values())
         units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
-        unit = max(units | {self.cutoff.denominator})  # powers of 2, as of all binary64 numbers
+        unit = max(units | {self.cutoff.denominator})  # all are powers of 2
 
         def integers(row):
             return [a * c * (unit // (b * d)) for (a, b), (c, d) in zip(row, scale)]
@@ -330,7 +330,7 @@ class ClaimedScene:
                             yield name, other, k, *self._ratio(row, place, cutoff, unit, turn)
 
     def _ratio(self, x, y, cutoff, unit, turn):
-        """Two integers of which the ratio is (d / c)^2 of euclidean, d / c of others."""
+        """Return two integers whose ratio is (d / c)^2 for euclidean, d / c for others."""
         if self.kind == "iou":  # left, top, right, bottom, area
             wide, high = min(x[2], y[2]) - max(x[0], y[0]), min(x[3], y[3]) - max(x[1], y[1])
             both = max(wide, 0) * max(high, 0)
@@ -343,7 +343,7 @@ class ClaimedScene:
 
 
 def lower_bound(scene, proof):
-    """From the prices, in units of 2^-bits c^p."""
+    """Return the lower bound by the prices, in units of 2^-bits c^p."""
     paid = collections.defaultdict(lambda: ([], [0]))  # steps with a price, sums of prices so far
     prices = ((scene.step[t], scene.estimates[j], whole(v)) for j, t, v in proof["prices"])
     for k, name, price in sorted(prices):
@@ -352,25 +352,25 @@ def lower_bound(scene, proof):
     one, leave = 1 << scene.bits, scene.change[0]
     bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
-        # Most gained so far, without the prices, by who is with an estimate; it is there from the
-        # first step at no cost but the prices. Prices are >= 0: nobody enters before a gain.
-        held, free = dict.fromkeys(costs, 0), 0
+        # The largest gain so far, without prices, by assigned estimate. The first assignment costs
+        # its prices alone, which are >= 0: nothing starts before a gain.
+        assigned, free = dict.fromkeys(costs, 0), 0
         gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
         for _, group in itertools.groupby(gains, lambda gain: gain[0]):
             best = free
             for k, name, gain in group:
                 steps, sums = paid[name]
                 before, now = sums[bisect.bisect_left(steps, k)], sums[bisect.bisect(steps, k)]
-                value = gain + max(held[name] - now, free - leave - (now - before))
-                held[name] = value + now
+                value = gain + max(assigned[name] - now, free - leave - (now - before))
+                assigned[name] = value + now
                 best = max(best, value - leave)
             free = best
-        bound -= max(free, *(value - paid[name][1][-1] for name, value in held.items()))
+        bound -= max(free, *(value - paid[name][1][-1] for name, value in assigned.items()))
     return max(bound, 0)
 
 
 def upper_bound(scene, proof):
-    """The cost of the assignment, in units of 2^-bits c^p / weight_unit."""
+    """Return the cost of the assignment, in units of 2^-bits c^p / weight_unit."""
     unit, one, saved, moved = whole(proof["weight_unit"], LARGEST_UNIT), 1 << scene.bits, 0, 0
     loads, changes = (collections.defaultdict(collections.Counter) for _ in range(2))
     for i, j, first, last, weight in proof["assignment"]:
@@ -379,7 +379,7 @@ def upper_bound(scene, proof):
         whole(end - begin - 1)
         for k, change in ((begin, whole(weight)), (end, -weight)):
             for key in (("truth", truth), ("estimate", estimate)):
-                loads[key][k] += change  # of the sum of its weights
+                loads[key][k] += change  # changes of the sum of its weights
             changes[truth, estimate][k] += change
     for (side, name), load in loads.items():
         for k, total in zip(sorted(load), itertools.accumulate(load[k] for k in sorted(load))):
@@ -388,7 +388,7 @@ def upper_bound(scene, proof):
     for (truth, estimate), of in changes.items():
         costs = scene.near[truth][estimate]
         sums = list(itertools.accumulate((one - high for _, _, high in costs), initial=0))
-        for k, change in of.items():  # from k on so much more weight
+        for k, change in of.items():  # from step k on there is so much more weight
             saved += change * (sums[-1] - sums[bisect.bisect_left(costs, (k,))])
             moved += abs(change) if 0 < k < len(scene.times) else 0
     if moved and scene.never:  # more than 2^-64 of 2^128 c^p, and no assignment costs less
@@ -396,8 +396,8 @@ def upper_bound(scene, proof):
     return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 
 
-def found_bounds(scene, proof):
-    """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
+def proven_bounds(scene, proof):
+    """Return bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
@@ -409,30 +409,30 @@ def found_bounds(scene, proof):
 
 
 def rounded(bounds):
-    """Two bounds as texts of 17 digits, rounded outward."""
+    """Return two bounds as texts of 17 digits, rounded outward."""
     down, up = (decimal.Context(17, way) for way in (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
     return [str(down.plus(bounds[0] or 0)), str(up.plus(bounds[1] or 0))]
 
 
 def verify(folder):
-    """What was found, in a line; raises `Wrong` if the claim does not hold."""
+    """Return the proven bounds in a line; raise `Wrong` if the claim does not hold."""
     proof = folder.proof()
     lower, upper = (proof[name] for name in ("lower_bound", "upper_bound") if number(proof[name]))
     scene = ClaimedScene(folder, proof)
-    totals, roots = found_bounds(scene, proof)
-    found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
+    totals, roots = proven_bounds(scene, proof)
+    bounds = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
     if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
-        raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
+        raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {bounds}")
     named = proof["parameters"]
     given = "" if is_closed(named) else ", given the distances"
     metric = [f"{k} {v if k in {*ALWAYS, 'rho'} else repr(v)}" for k, v in named.items()]
     if "masked" in named:
-        found += "; not judged: {} truth states, {} estimate states".format(*scene.unjudged)
-    return visible(f"verified{given}: {found}; {', '.join(metric)}")
+        bounds += "; not judged: {} truth states, {} estimate states".format(*scene.unjudged)
+    return visible(f"verified{given}: {bounds}; {', '.join(metric)}")
 
 
 def main(arguments):
-    """Exit status: 0 the claim holds, 1 it does not, 2 wrong usage, 3 no whole proof folder."""
+    """Return the exit status: 0 the claim holds, 1 it does not, 2 wrong usage, 3 no proof."""
     if len(arguments) != 1:
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2

@@ -29,7 +29,7 @@ from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
-"""Of distances that are computed again, perhaps by another version of a library; relative."""
+"""Relative tolerance of distances computed again, perhaps by another version of a library."""
 
 
 WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
@@ -39,7 +39,7 @@ WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
 def proof_tables(
     compared: ComparedSides, problem: Problem, parameters: Parameters
 ) -> dict[str, str]:
-    """The tables of a proof folder by name.
+    """Return the tables of a proof folder by name.
 
     Parameters
     ----------
@@ -84,19 +84,19 @@ def proof_tables(
 
 
 def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
-    """The column of marks of a side, if there is one."""
+    """Return the column of marks of a side, if there is one."""
     if unjudged is None:
         return []
     return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
 
 
 def times_of(compared: ComparedSides) -> list[str]:
-    """Each step as a text that is read back as the same number."""
+    """Return each step as a text that is read back as the same number."""
     return [repr(moment) for moment in compared.timestamps.tolist()]
 
 
 def difference(name: str, one: str, other: str, cutoff: float) -> str:
-    """Where two tables differ first, in words; empty if they are the same.
+    """Return where two tables first differ, in words; empty if they are the same.
 
     Distances are the same within DISTANCE_TOLERANCE; a pair at the cutoff may be in one table.
     """
@@ -113,25 +113,25 @@ def _shown(line: str | None) -> str:
 
 
 def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
-    """As of `difference`; a pair that is missing counts as at the cutoff."""
-    found, made = (
+    """Return as `difference`; a missing pair counts as at the cutoff."""
+    given, made = (
         {
             (truth, estimate, t): float(d)
             for truth, estimate, t, d in list(csv.reader(io.StringIO(text)))[1:]
         }
         for text in (one, other)
     )
-    for pair in (*made, *found):
-        a, b = found.get(pair, cutoff), made.get(pair, cutoff)
+    for pair in (*made, *given):
+        a, b = given.get(pair, cutoff), made.get(pair, cutoff)
         if abs(a - b) > DISTANCE_TOLERANCE * max(a, b):
             return f"{pair[0]}, {pair[1]} at t = {pair[2]} is {a!r}, must be {b!r}"
     return ""
 
 
 def _fields(names: Iterable[str]) -> list[str]:
-    """Texts as fields of a CSV file."""
+    """Return texts as fields of a CSV file."""
     text = io.StringIO()
-    writer = csv.writer(text)  # quotes what has a part of the end of its lines, \r\n
+    writer = csv.writer(text)  # quotes fields with \r or \n
     fields = []
     for name in names:
         writer.writerow((name,))
@@ -146,13 +146,13 @@ def _chosen(fields: list[str], which: Ints) -> Iterable[str]:
 
 
 def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
-    """A table of columns of fields; many times faster than by `csv`."""
+    """Return a table of columns of fields, many times faster than by `csv`."""
     lines = [",".join(_fields(header)), *map(",".join, zip(*columns, strict=True))]
     return "\n".join(lines) + "\n"
 
 
 # -------------------------------------------------------------------------------------------------
-# From the prices of the solver to prices of using an estimate at a step, as whole numbers.
+# From the prices of the solver to integer prices of using an estimate at a step.
 #
 # A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at the
 # step k, at the cutoff of the user. Five things differ in a `Solution`.
@@ -184,7 +184,7 @@ rounding that the bound allows for."""
 
 
 def price_bits(states: States, lower: float) -> int:
-    """Binary digits that prices need to prove a lower bound, in units of c^p."""
+    """Return the binary digits that prices need to prove a lower bound, in units of c^p."""
     many = len(states.begin) + len(states.columns.step)
     return SPARE_BITS + max(math.frexp(many / lower)[1] if lower > 0 else 0, 0)
 
@@ -196,7 +196,7 @@ Shares = tuple[Fraction, Fraction]
 def estimate_prices(
     states: States, prices: Floats, reduced: tuple[Reduced, ...], shares: Shares, bits: int
 ) -> Prices:
-    """Prices that prove what the certificate has proven, in units of 2^-bits c^p."""
+    """Return prices that prove what the certificate proves, in units of 2^-bits c^p."""
     problem = states.problem
     own = int(shares[1] * (1 << bits))
     part_of = np.full(len(states.block_begin), -1)
@@ -207,13 +207,13 @@ def estimate_prices(
         part_of[bound > best] = number
         best = np.maximum(best, bound)
     direct, useless = (part_of < 0) & (best > 0), best <= 0
-    found = _of_slots(states, prices, direct, shares, bits)
+    whole = _of_slots(states, prices, direct, shares, bits)
     first = states.block_first
     for block in np.flatnonzero(states.transposed & direct).tolist():
         entry = states.entry[first[block] : first[block + 1]]
-        found.update(_of_single_estimate(problem, entry[entry >= 0], shares, bits))
+        whole.update(_of_single_estimate(problem, entry[entry >= 0], shares, bits))
     entry = states.entry[states.states_of(useless) & (states.entry >= 0)]
-    found.update(dict.fromkeys(_priced_places(problem, entry), own))
+    whole.update(dict.fromkeys(_priced_places(problem, entry), own))
     home = states.track_blocks[1]
     for number, part in enumerate(reduced):
         chosen = (part_of == number) & ~useless
@@ -229,12 +229,12 @@ def estimate_prices(
         for row in np.flatnonzero(vertex_cover(states, chosen)[1]).tolist():
             place = problem.estimate_track[row], problem.estimate_step[row]
             inner_prices[int(place[0]), int(place[1])] += rest
-        found.update({place: v for place, v in inner_prices.items() if chosen[home[place[0]]]})
-    return found
+        whole.update({place: v for place, v in inner_prices.items() if chosen[home[place[0]]]})
+    return whole
 
 
 def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
-    """Estimates and steps of these entries at which a false target costs something."""
+    """Return estimates and steps of entries at which a false object costs something."""
     row = problem.estimate_row[entry]
     row = np.unique(row[problem.estimate_price[row] > 0])
     columns = problem.estimate_track[row], problem.estimate_step[row]
@@ -242,7 +242,7 @@ def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
 
 
 def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits: int) -> Prices:
-    """Prices of slots at their first steps, as the certificate uses them, for the exact shares."""
+    """Return prices of slots at their first steps, as in the certificate, for the exact shares."""
     columns, problem = states.columns, states.problem
     unit, running = columns.running(fair_prices(prices))
     whole = np.diff(running)
@@ -251,7 +251,7 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
     node = columns.node
     used = np.flatnonzero((whole > 0) & (chosen & ~states.transposed)[states.node_block[node]])
     exponent = np.frexp(unit[node[used]])[1] - 1 + bits
-    found = Counter(
+    priced = Counter(
         {
             (track, step): value << shift if shift >= 0 else value >> -shift
             for track, step, value, shift in zip(
@@ -271,42 +271,42 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
     if any(ratio != 1 for ratio in ratios):
         less = min(Fraction(1), *ratios)
         own = int((shares[1] - less * rounded[1]) * (1 << bits))
-        found = Counter({place: int(less * value) for place, value in found.items()})
+        priced = Counter({place: int(less * value) for place, value in priced.items()})
         direct = states.states_of(chosen & ~states.transposed) & (states.entry >= 0)
-        found.update(dict.fromkeys(_priced_places(problem, states.entry[direct]), own))
-    return found
+        priced.update(dict.fromkeys(_priced_places(problem, states.entry[direct]), own))
+    return priced
 
 
 def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int) -> Prices:
-    """Prices of the estimate of a block that has no other, from its value function."""
+    """Return prices of the only estimate of a block, from its value function."""
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
     full = [int(share * (1 << bits)) for share in shares]
-    judged = ((side.price[side.row[entry]] > 0).tolist() for side in problem.sides)
+    counted = ((side.price[side.row[entry]] > 0).tolist() for side in problem.sides)
     gains = [
         sum(itertools.compress(full, both)) - _whole(cost, bits)
-        for *both, cost in zip(*judged, problem.cost[entry].tolist(), strict=True)
+        for *both, cost in zip(*counted, problem.cost[entry].tolist(), strict=True)
     ]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
-    found: Prices = Counter()
-    value: dict[int, int] = {}  # V of each truth, where it is more than that of none less `change`
+    priced: Prices = Counter()
+    value: dict[int, int] = {}  # V of each truth, if it is above that of none less `change`
     unassigned = 0
     for step, group in itertools.groupby(zip(steps, truths, gains, strict=True), lambda at: at[0]):
         best = unassigned
         for _, truth, gain in group:
             value[truth] = gain + max(value.get(truth, 0), unassigned - change)
             best = max(best, value[truth] - change)
-        if step == steps[-1]:  # the first gain: whoever is there before is so at no cost
+        if step == steps[-1]:  # the first gain: being assigned before it costs nothing
             best = max(best, *value.values())
-        found[estimate, step] = best - unassigned
+        priced[estimate, step] = best - unassigned
         unassigned = best
-    return found
+    return priced
 
 
 def _whole(value: float, bits: int) -> int:
-    """A double in units of 2^-bits, rounded down."""
+    """Return a double in units of 2^-bits, rounded down."""
     numerator, denominator = value.as_integer_ratio()
     return (numerator << bits) // denominator
 
@@ -316,7 +316,7 @@ COLUMN_NUMBERS = "scale", "periodic"
 
 
 def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
-    """The files of a proof folder.
+    """Return the files of a proof folder.
 
     Parameters
     ----------
@@ -338,8 +338,8 @@ def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) ->
     bits = price_bits(proof.states, proof.bounds.lower)
     there = _steps_of_tables(proof.states.problem)
     rho = Fraction(parameters.rho)
-    found = estimate_prices(proof.states, proof.prices, proof.reduced, (1 - rho, rho), bits)
-    prices = _at_steps(there, found)
+    priced = estimate_prices(proof.states, proof.prices, proof.reduced, (1 - rho, rho), bits)
+    prices = _at_steps(there, priced)
     times, truths, estimates = (
         [json.dumps(text, ensure_ascii=False) for text in texts]
         for texts in (times_of(compared), compared.labels.truths, compared.labels.estimates)
@@ -371,7 +371,7 @@ def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) ->
 
 
 def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
-    """Whether a proof folder has a place for what was evaluated.
+    """Check that a proof folder can represent the evaluation.
 
     Raises
     ------
@@ -406,7 +406,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
 
 
 def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
-    """Whether the checker finds that these folders, in their order, prove what they claim.
+    """Check by the checker that these folders, in their order, prove what they claim.
 
     Raises
     ------
@@ -442,14 +442,14 @@ class _Written(verify_tgospa.Folder):
         self.texts = texts
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file."""
+        """Return the bytes of a file."""
         return self.texts[name].encode()
 
 
 def proof_parameters(
     compared: ComparedSides, parameters: Parameters, problem: Problem
 ) -> dict[str, object]:
-    """The parameters of the metric, as texts of the doubles used."""
+    """Return the parameters of the metric, as texts of the doubles used."""
     settings = compared.settings
     return {
         "cutoff": repr(parameters.cutoff),
@@ -474,7 +474,7 @@ def proof_parameters(
 
 
 def _claim(proof: PairProof) -> list[str]:
-    """The printed bounds of the total; wider by the rounding of distances that have no proven one.
+    """Return the printed bounds of the total, widened by the rounding of unproven distances.
 
     Relative, (d / c)^p of a distance that `proof_tables` computes from a cost; absolute, d of boxes
     (a ratio near 1 taken from 1) and round a circle (a difference taken from the period), of which
@@ -484,8 +484,8 @@ def _claim(proof: PairProof) -> list[str]:
     order, problem = parameters.order, proof.states.problem
     relative = absolute = 0.0
     if settings["distance"] not in CLOSED or proof.compared.reports is not None:
-        least = float(problem.cost.min(initial=1.0, where=problem.cost > 0))
-        relative = order * 2.0**-49 + abs(math.log(least)) * 2.0**-52
+        smallest = float(problem.cost.min(initial=1.0, where=problem.cost > 0))
+        relative = order * 2.0**-49 + abs(math.log(smallest)) * 2.0**-52
     elif settings["distance"] == "iou":
         absolute = 2.0**-50
     else:
@@ -503,48 +503,48 @@ def _claim(proof: PairProof) -> list[str]:
 
 
 def _steps_of_tables(problem: Problem) -> Ints:
-    """The steps at which something exists: a checker knows no others."""
+    """Return the steps at which something exists: a checker knows no others."""
     return np.unique(np.concatenate([side.step for side in problem.sides]))
 
 
 def _at_steps(there: Ints, prices: Prices) -> Prices:
-    """The same prices at such steps alone: at the next one, or the last.
+    """Return the prices at such steps alone: each moved to the next one, or the last.
 
     Whoever uses an estimate there may as well use it from before, or to the end, and pays once.
     """
-    found: Prices = Counter()
+    priced: Prices = Counter()
     steps = np.array([step for _, step in prices], np.int64)
     moved = there[np.minimum(np.searchsorted(there, steps), len(there) - 1)].tolist()
     for ((track, _), price), step in zip(prices.items(), moved, strict=True):
-        found[track, step] += price
-    return found
+        priced[track, step] += price
+    return priced
 
 
 def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
-    """Truth, estimate, first and last step, and weight of each stretch of equal weights.
+    """Return truth, estimate, first and last step, and weight of stretches of equal weight.
 
     What is held to an end of the window of its block is held to that end of the recording. Ends
     are among the steps `there`; between two of them nothing is gained, so the cost does not grow.
     """
-    held = save_solution(proof.states, proof.weights, proof.prices)
-    begin = np.searchsorted(there, held.begin)
-    end = np.searchsorted(there, held.end, "right") - 1
+    saved = save_solution(proof.states, proof.weights, proof.prices)
+    begin = np.searchsorted(there, saved.begin)
+    end = np.searchsorted(there, saved.end, "right") - 1
     kept = np.flatnonzero(begin <= end)
-    weight = np.rint(held.weight[kept] * ONE).astype(np.int64)
+    weight = np.rint(saved.weight[kept] * ONE).astype(np.int64)
     spans = there[begin[kept]], there[end[kept]]
-    columns = held.truth[kept], held.estimate[kept], *spans, weight
+    columns = saved.truth[kept], saved.estimate[kept], *spans, weight
     return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def _numbers(settings: Mapping[str, object], name: str) -> dict[str, float]:
-    """A setting that has a number for some columns."""
-    found = settings.get(name, {})
-    assert isinstance(found, Mapping)
-    return dict(found)
+    """Return a setting that has a number for some columns."""
+    numbers = settings.get(name, {})
+    assert isinstance(numbers, Mapping)
+    return dict(numbers)
 
 
 def _json(document: Mapping[str, object], lists: Mapping[str, Iterable[str]]) -> str:
-    """A line for each field, and for each element of the lists."""
+    """Return JSON with a line for each field, and for each element of the lists."""
     texts = {
         name: json.dumps(value, sort_keys=True, ensure_ascii=False)
         for name, value in document.items()

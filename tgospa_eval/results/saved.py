@@ -321,7 +321,7 @@ def read_result(path: str) -> Json:
     InputError
         It is no result, or was changed by hand.
     """
-    document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, limit=LARGEST_RESULT)
+    document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, size=LARGEST_RESULT)
     if "per_step" not in document and "tables" in document:
         raise InputError(
             f"{path}: of data in parts, with more steps than a ranking takes; evaluate parts of "

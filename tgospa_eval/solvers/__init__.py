@@ -61,7 +61,7 @@ SOLVERS = {
     "exact": "tgospa_eval.solvers.exact:Exact",
     "sinkhorn": "tgospa_eval.solvers.sinkhorn:Sinkhorn",
 }
-"""Where each solver is; imported when it is asked for."""
+"""Place of each solver, which is imported when it is used."""
 
 
 def solver_class(name: str) -> type[Solver]:

@@ -93,7 +93,7 @@ FINEST = 1e-12
 """Relative gap that is as good as none."""
 
 SUM_MARGIN = 1e-12
-"""Of the cost of leaving all unassigned: more than sums in solvers lose."""
+"""Share of the cost of leaving all unassigned, above what sums in solvers lose."""
 
 
 class BracketProgress:

@@ -29,7 +29,7 @@ SWEPT_AT_ONCE = 100_000
 """Links times sweeps before anyone looks at the clock: about a millisecond."""
 
 PRICE_ROUNDING = 8 * 2.0**-53
-"""How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
+"""Error of a sum of prices along a path, as a fraction of all of them: the kernels sum in
 two parts and relative to "none", so that the length of a recording does not count."""
 
 

@@ -34,10 +34,10 @@ CVXPY_ENDS = {
     "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bracket says how good it is
     "user_limit": Status.LATE,
 }
-"""What CVXPY calls the ends that can be."""
+"""Names in CVXPY of the possible outcomes."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Of CVXPY, which is untyped, the problem, its weights and the constraints of columns; these."""
+"""Problem, weights and column constraints of CVXPY, which is untyped; and our columns."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,

@@ -34,7 +34,7 @@ CUTOFF_ROOM = 16.0
 """A cutoff price fits that is so many times the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""By how much a cutoff price grows that turned out too small; inside a problem that is tried again
+"""Factor by which a too small cutoff price grows; inside a problem that is tried again
 at once to where it began, or all that was tried before would be tried again."""
 
 

@@ -36,11 +36,11 @@ where duals are no longer drawn away. With 1e-7 less is proven, and the last rou
 What equations of the weights may lack then, which an iteration or two more divide by a hundred."""
 
 PULL = 1e-3
-"""How stiff the pull on duals is. With 1e-2 a first round proves less and the last may take twice
+"""Stiffness of the pull on duals. With 1e-2 a first round proves less and the last may take twice
 the iterations; 1e-4 is as good."""
 
 MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
-"""Where numbers are given up: 10 to 25 iterations are usual. Below `END` a step shorter than the
+"""Limits of giving up: 10 to 25 iterations are usual. Below `END` a step shorter than the
 last says that only rounding is left."""
 
 PRIMAL_SHIFT = 1e-9

@@ -125,7 +125,7 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Of a programme the free states and the slots that it has priced, in the whole; its answer."""
+"""Free states and priced slots of a programme, in the whole, and its proposal."""
 
 
 class Programmes:
@@ -482,9 +482,7 @@ def solve_whole(batch: BlockBatch) -> Answer:
 
 def _programme(states: States, limit: Limit) -> "Proposal | None":
     """Solve one block by HiGHS; None if there is no time."""
-    from tgospa_eval.solvers.restricted_lp import (
-        solve_restricted_lp,  # lazy: HiGHS is slow to import
-    )
+    from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # lazy: HiGHS is slow
 
     size = len(states.begin)
     work = partial(

@@ -354,7 +354,7 @@ row of the inverse of the basis has other than 0, by a sample: 5 to 20 as a rule
 """
 
 TAKEN_FOR_ZERO = 1e-9
-"""What HiGHS takes for zero."""
+"""Tolerance that HiGHS takes for zero."""
 
 SCALE, SHIFT = 2.0**70, 2.0**20
 """The correction of duals is scaled up by at most SCALE; costs in it are cut at SHIFT."""
@@ -444,7 +444,7 @@ def solve_restricted_lp(
 
 
 SOFT = 0.01
-"""How stiff potentials of rows and transitions are beside prices: they are not what is kept."""
+"""Stiffness of potentials of rows and transitions, which are not kept, beside prices."""
 
 
 def solve_interior(
@@ -662,9 +662,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue(
-        "presolve", "on"
-    )  # otherwise it misses its tolerances where many costs tie
+    highs.setOptionValue("presolve", "on")  # without, ties keep it from its tolerances
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):

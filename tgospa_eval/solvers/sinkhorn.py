@@ -174,16 +174,16 @@ def _without_kernels(batch: BlockBatch) -> Answer:
 
 
 MAX_TRACE, MAX_LINKS = 1000, 5_000_000
-"""Of a larger problem nothing is found: all states make more links than those that compete."""
+"""Limits of a trace: all states make more links than those that compete."""
 
 MET, STILL = 1e-7, 1e-9
-"""Of the dual: the difference of the primal, or its change since the last look, that ends it."""
+"""Shares of the dual: the gap to the primal, or the change since the last check, that ends it."""
 
 NEVER = 700.0
 """Temperatures from which on the mass that pays a switch price is no number above 0."""
 
 Trace = list[dict[str, float]]
-"""For each look: sweep, epsilon, violation, and in units of c^p primal, dual and cost."""
+"""Entries of each check: sweep, epsilon, violation, and in units of c^p primal, dual and cost."""
 
 
 def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:

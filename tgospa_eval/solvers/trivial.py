@@ -35,9 +35,7 @@ def paths(states: States, value: Floats) -> Floats:
         np.maximum.at(unassigned_value, at, reached - price)
         after = unassigned_value[at]
         left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
-        unassigned_from[at[left]] = (
-            state[left] - 1
-        )  # the first of equals wins, as the last assignment
+        unassigned_from[at[left]] = state[left] - 1  # the last assignment is the first of equals
         enter = after - price
         stays = (reached >= enter) & (state > states.pair_first[pair])
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])

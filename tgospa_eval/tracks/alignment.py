@@ -431,9 +431,7 @@ def _spacing(*sides: Times) -> float:
 
 def _union(first: Times, second: Times) -> Times:
     """Return the distinct values in order. np.union1d imports numpy.ma, slower than most runs."""
-    both = np.sort(
-        np.concatenate((first, second)), kind="stable"
-    )  # a stable sort merges sorted runs
+    both = np.sort(np.concatenate((first, second)), kind="stable")  # this merges sorted runs
     fresh = np.ones(len(both), bool)
     np.not_equal(both[1:], both[:-1], out=fresh[1:])
     return both[fresh]

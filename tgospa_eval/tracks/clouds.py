@@ -18,7 +18,7 @@ Cloud = tuple[Floats, Floats]
 Changed = TypeVar("Changed")
 
 LARGEST_COORDINATE = 1e150
-"""Of a coordinate of a particle: the squares of clouds are numbers."""
+"""Largest coordinate of a particle, so that squares are doubles."""
 
 UNEVEN_SUM = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it makes a warning."""

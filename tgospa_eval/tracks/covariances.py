@@ -24,7 +24,7 @@ CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # decimals that are just a thousandth co
 """The same, up to which a matrix is taken for a covariance that was written with few digits."""
 
 LARGEST_VARIANCE = 1e150
-"""Of variances: products of two are still doubles."""
+"""Largest variance, so that products of two are doubles."""
 
 ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Relative difference of two entries that should be one, up to which their mean is taken."""

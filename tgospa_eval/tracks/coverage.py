@@ -28,7 +28,7 @@ IGNORED, EXCUSED = "ignored", "excused"
 
 MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
-"""Of truth and estimate the rule of ``--ignore`` that asks for its marks, and their column."""
+"""Rules of ``--ignore`` for marks of truth and of estimate, and their columns."""
 
 NOT_COUNTED = "\0not judged"
 """The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
@@ -42,7 +42,7 @@ MEANINGS: Mapping[object, bool] = {
     **dict.fromkeys((0.0, "0", "false", "no", ""), False),
     **dict.fromkeys((1.0, "1", "true", "yes"), True),
 }
-"""What a mark may be; blank is not marked."""
+"""Values of a mark; blank is not marked."""
 
 
 def marks_of(side: Trajectories, name: str) -> Mask:
@@ -98,7 +98,7 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
 COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
-"""What comparisons read of a record."""
+"""Fields of a record that comparisons read."""
 
 
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")

@@ -30,7 +30,7 @@ RUN = 1.5
 """Periods between two rows of a track that are one run."""
 
 SLACK = 1e-9
-"""Of a period: a step that is so near to the end of a report is in the next."""
+"""Share of a period: a step that is so near to the end of a report is in the next."""
 
 
 def interpolated(

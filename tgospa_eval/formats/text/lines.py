@@ -46,7 +46,7 @@ scanner: Any = compiled("tgospa_eval.formats.text._scan")
 """The extension module, or None: then large files take some ten times as long."""
 
 AS_NUMBER, AS_TEXT = 1, 2
-"""What a column is read as; it may be both."""
+"""Types as which a column is read; it may be both."""
 
 BLANKS = " "
 """Delimiter of tables whose columns are separated by any number of blanks."""
@@ -68,7 +68,7 @@ COMPRESSED = {
     b"BZh": "bzip2",
     b"\xfd7zXZ\0": "xz",
 }
-"""How compressed files begin that are not unpacked here; `formats.loading` unpacks others."""
+"""Beginnings of compressed files that `formats.loading` does not unpack."""
 
 Block = tuple[Ints, Sequence[Sequence[str]]]
 """Some rows of a file: the line of each, and the fields as texts, column by column."""

@@ -250,9 +250,7 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     It is another one only if no number has the one asked for and some have that for certain: 1,250
     and 1.250 may have a mark between thousands.
     """
-    columns = {roles.time, *roles.numbers} - {
-        roles.weight
-    }  # a weight column may hold something else
+    columns = {roles.time, *roles.numbers} - {roles.weight}  # which may be no weight
     other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
         return roles, requested
