@@ -133,7 +133,8 @@ def text() -> str:
                 aliases.append(f"{camel(name)}: TypeAlias = Literal[\n{lines}]\n")
                 kind = f"{camel(name)}{tail}"
             fields.append(f"    {name}: {kind}\n")
-        about = "Texts that `batch` keeps." if those == {"batch"} else f"Of {listing(those)}."
+        plain = those == {"batch"}
+        about = "Texts that `batch` keeps." if plain else f"Keywords of {listing(those)}."
         head = f'class {title}(TypedDict, total=False):\n    """{about}"""\n\n'
         classes.append(head + "".join(fields))
     taken = {f: {title for title, (_, those) in made.items() if f in those} for f in FUNCTIONS}

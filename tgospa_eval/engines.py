@@ -51,7 +51,7 @@ class DiedError(Exception):
 
 
 class Future(Protocol):
-    """Of an engine."""
+    """Future of an engine."""
 
     def add_done_callback(self, function: Callable[[Any], object], /) -> object:
         """Call a function with this future when it has ended."""
@@ -62,30 +62,30 @@ class Pool(Protocol):
 
     @property
     def died(self) -> bool:
-        """Whether a worker has, so that another pool is wanted."""
+        """True if a worker has died, so that another pool is needed."""
 
     def workers(self) -> int:
-        """How many jobs are worked on at once."""
+        """Return how many jobs are worked on at once."""
 
     def submit(self, function: Callable[..., R], *arguments: object) -> Future:
         """Have a function called in a worker; raises `DiedError` where there is none any more."""
 
     def answer(self, future: Any) -> Any:
-        """What came out of a future that has ended; raises `DiedError`."""
+        """Return the answer of a future that has ended; raise `DiedError`."""
 
-    def look(self) -> None:
-        """Called every now and then while nothing comes."""
+    def poll(self) -> None:
+        """Do regular checks while no answer comes."""
 
 
 class Engine(Protocol):
-    """Where jobs are done."""
+    """Place where jobs are done."""
 
-    def open(self, most: int) -> AbstractContextManager[Pool]:
+    def open(self, max_workers: int) -> AbstractContextManager[Pool]:
         """Have workers, so many at most; left by an exception it ends their work at once."""
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""How jobs are tried: how many in a chunk; chunks that are with each worker, which are all tried
+"""Attempts at jobs: how many in a chunk; chunks that are with each worker, which are all tried
 again if one of them dies; whether nothing else is worked on meanwhile. What was with a dying worker
 is tried again with fewer beside it: one job is to blame."""
 
@@ -99,17 +99,19 @@ def spread(
     dies when it is alone is answered by `lost`.
     """
     left: Sequence[J] = jobs
-    for most, ahead, alone in ATTEMPTS:
+    for chunk_size, ahead, separate in ATTEMPTS:
         waiting, suspects = deque(left), list[J]()
         while waiting:
-            with engine.open(1 if alone else len(waiting)) as pool:
-                yield from _until_one_dies(work, waiting, suspects, pool, most, ahead, alone)
+            with engine.open(1 if separate else len(waiting)) as pool:
+                yield from _until_one_dies(
+                    work, waiting, suspects, pool, chunk_size, ahead, separate
+                )
         left = suspects
     yield from map(lost, left)
 
 
 def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
-    """The answers of the first jobs of a chunk: at least one, and what is ready in a second."""
+    """Return the answers of the first jobs of a chunk: at least one, and those of a second."""
     until = time.monotonic() + CHUNK_SECONDS
     answers = []
     for job in chunk:
@@ -124,18 +126,18 @@ def _until_one_dies(
     waiting: deque[J],
     suspects: list[J],
     pool: Pool,
-    most: int,
+    chunk_size: int,
     ahead: int,
-    alone: bool,
+    separate: bool,
 ) -> Iterator[R]:
-    """Answers of the jobs that wait, until a worker dies or none is left."""
+    """Yield answers of the jobs that wait, until a worker dies or none is left."""
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
     broken = False
     while running or (waiting and not broken):
-        workers = 1 if alone else max(1, pool.workers())
+        workers = 1 if separate else max(1, pool.workers())
         while waiting and not broken and len(running) < ahead * workers:
-            size = min(most, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
+            size = min(chunk_size, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
             chunk = [waiting.popleft() for _ in range(size)]
             try:
                 future = pool.submit(some, work, chunk)
@@ -158,11 +160,11 @@ def _until_one_dies(
 
 
 def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
-    """The futures that have ended; one at least, or none after a while."""
+    """Yield the futures that have ended; one at least, or none after a while."""
     try:
         yield ended.get(timeout=POLL)
     except queue.Empty:
-        pool.look()
+        pool.poll()
         return
     while not ended.empty():
         yield ended.get()
@@ -175,7 +177,7 @@ PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""What linear algebra is told before it is loaded."""
+"""Settings of linear algebra before it is loaded."""
 
 
 class Processes:
@@ -192,14 +194,14 @@ class Processes:
         self.number = number
 
     @contextmanager
-    def open(self, most: int) -> Iterator["Local"]:
-        """Processes that end at once when the work is broken off."""
+    def open(self, max_workers: int) -> Iterator["Local"]:
+        """Yield processes that end at once when the work is broken off."""
         from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
-        # Of a pool that is broken off the process that looks after its locks would complain.
+        # The process that keeps the locks of a pool would complain when the pool is broken off.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         _begin_trackers()
-        number = max(1, min(self.number or cores(), most))
+        number = max(1, min(self.number or cores(), max_workers))
         free = available_memory()
         share = None if free is None else free // (self.number or cores())
         pool = ProcessPoolExecutor(
@@ -214,7 +216,7 @@ class Processes:
 
 
 def engine_of(scheduler: str | None, number: int | None) -> Engine:
-    """The workers of a scheduler, if there is one; else so many processes of this machine."""
+    """Return the workers of a scheduler, if there is one; else processes of this machine."""
     return Cluster(scheduler) if scheduler else Processes(number)
 
 
@@ -225,25 +227,25 @@ class Local:
         self.pool, self.number, self.died = pool, number, False
 
     def workers(self) -> int:
-        """How many there are."""
+        """Return how many there are."""
         return self.number
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called."""
-        with self._told_when_dead(), uninterrupted():
+        with self._reported_when_dead(), uninterrupted():
             future: Future = self.pool.submit(on_surface, surface.get(), function, *arguments)
             return future
 
     def answer(self, future: Any) -> Any:
-        """What came out."""
-        with self._told_when_dead():
+        """Return the answer."""
+        with self._reported_when_dead():
             return future.result()
 
-    def look(self) -> None:
-        """Nothing to see: a process that dies ends its futures."""
+    def poll(self) -> None:
+        """Do nothing: a process that dies ends its futures."""
 
     @contextmanager
-    def _told_when_dead(self) -> Iterator[None]:
+    def _reported_when_dead(self) -> Iterator[None]:
         from joblib.externals.loky.process_executor import BrokenProcessPool
 
         try:
@@ -263,7 +265,7 @@ def _begin_trackers() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
+    """Let Ctrl-C wait; processes that begin meanwhile never get any: their parent does."""
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
         return
@@ -275,7 +277,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _begin(share: int | None, parent: int) -> None:
-    """A worker keeps to its share of the memory, and does not outlive the one who asked.
+    """Limit a worker to its share of the memory, and end it with its parent.
 
     Who that is has to be told: it may be gone already.
     """
@@ -297,7 +299,7 @@ def limit_memory(share: int | None) -> None:
         # Memory that can be written; address space would count what is only reserved.
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if hard == resource.RLIM_INFINITY or share < hard:
-            with suppress(ValueError, OSError):  # others may have set less meanwhile
+            with suppress(ValueError, OSError):  # others may have set a lower limit meanwhile
                 resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
 
 
@@ -320,15 +322,15 @@ class PersistentPool:
     ----------
     engine : Engine
         Opens the pools.
-    most : int
+    max_workers : int
         Workers that are wanted.
     patience : float
         Seconds of work that whoever has jobs is to do without workers: what ends sooner ends before
         workers would have begun.
     """
 
-    def __init__(self, engine: Engine, most: int, patience: float = 0.0) -> None:
-        self.engine, self.most, self.patience = engine, most, patience
+    def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
+        self.engine, self.max_workers, self.patience = engine, max_workers, patience
         self._stack = ExitStack()
         self._pool: Pool | None = None
 
@@ -344,11 +346,11 @@ class PersistentPool:
         self._stack.__exit__(kind, error, trace)
 
     @contextmanager
-    def open(self, most: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
-        """The pool that is there."""
+    def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
+        """Yield the pool that is there."""
         if self._pool is None or self._pool.died:
             self._stack.close()
-            self._pool = self._stack.enter_context(self.engine.open(self.most))
+            self._pool = self._stack.enter_context(self.engine.open(self.max_workers))
         yield self._pool
 
 
@@ -374,8 +376,8 @@ class Cluster:
         self.address = address
 
     @contextmanager
-    def open(self, most: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)
-        """A connection; what is under way is cancelled when the work is broken off.
+    def open(self, max_workers: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)
+        """Yield a connection; work that is under way is cancelled when it is broken off.
 
         Raises
         ------
@@ -401,7 +403,7 @@ class Cluster:
                 pool.close()
 
     def _reach(self) -> None:
-        """Whether the scheduler answers.
+        """Check that the scheduler answers.
 
         Raises
         ------
@@ -427,7 +429,7 @@ class Cluster:
 
 @contextmanager
 def _silent_logs() -> Iterator[None]:
-    """What Dask logs of losses is said by us, in one line."""
+    """Silence the messages of Dask about losses, which we report in one line."""
     logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if _is_dask(name)]
     before = [log.level for log in logs]
     for log in logs:
@@ -449,26 +451,26 @@ class Remote:
     def __init__(self, address: str, client: Any) -> None:
         self.address, self.client = address, client
         self._threads, self._counted = 0, -math.inf
-        self._told = self.died = False
+        self._is_reported = self.died = False
 
     def workers(self) -> int:
-        """Threads of all workers, as of the last second."""
+        """Return threads of all workers, as of the last second."""
         if time.monotonic() - self._counted > POLL:
-            with self._lost_told():
+            with self._lost_reported():
                 self._threads = sum(self.client.nthreads().values())
             self._counted = time.monotonic()
         return self._threads
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called; the scheduler sees bytes alone."""
-        with self._lost_told():
+        with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
-            # Not pure: the same job twice is meant.
+            # Not pure: a job may be submitted twice.
             future: Future = self.client.submit(call_checked, content, __version__, pure=False)
             return future
 
     def answer(self, future: Any) -> Any:
-        """What came out.
+        """Return the answer.
 
         Raises
         ------
@@ -480,22 +482,22 @@ class Remote:
         from distributed import KilledWorker
 
         try:
-            with self._lost_told():
+            with self._lost_reported():
                 return future.result()
         except KilledWorker:
             self.died = True
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None
-        except RuntimeError as error:  # on the scheduler, which looks at what it passes on
+        except RuntimeError as error:  # the scheduler may fail on what it passes on
             if isinstance(error.__cause__, ImportError):
                 raise self._lacking(error.__cause__) from None
             raise
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Tell once if there are no workers."""
-        if not self.workers() and not self._told:
-            self._told = True
+        if not self.workers() and not self._is_reported:
+            self._is_reported = True
             files.announce(f"waiting for workers of {self.address}")
 
     def _lacking(self, error: ImportError) -> ConfigError:
@@ -505,7 +507,7 @@ class Remote:
         )
 
     @contextmanager
-    def _lost_told(self) -> Iterator[None]:
+    def _lost_reported(self) -> Iterator[None]:
         """Raise losses of the connection as one error."""
         from concurrent.futures import CancelledError
 
@@ -518,7 +520,7 @@ class Remote:
             ) from None
 
     def close(self) -> None:
-        """Leave; what is not begun is begun no more."""
+        """Leave the cluster; work that is not begun is dropped."""
         with suppress(OSError, RuntimeError):
             self.client.close()
 
@@ -594,12 +596,12 @@ def _started(parent: int) -> Any:  # noqa: ARG001  (one that was forked has none
 
 
 def _answer(process: Any, message: object) -> Any:
-    """What the process answers."""
+    """Return the answer of the process."""
     try:
         pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
         process.stdin.flush()
         return pickle.load(process.stdout)
-    except BaseException as error:  # Ctrl-C too: what would come later answers nobody
+    except BaseException as error:  # also on Ctrl-C: nobody waits for later answers
         _started.cache_clear()
         process.kill()
         process.communicate()
@@ -611,7 +613,7 @@ def _answer(process: Any, message: object) -> Any:
 def serve() -> None:
     """Answer calls until whoever makes them is gone."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # for whatever a library prints
+    os.dup2(2, 1)  # text that a library prints goes to stderr
     result: tuple[bool, object] = True, None
     while True:
         pickle.dump(result, answers, pickle.HIGHEST_PROTOCOL)

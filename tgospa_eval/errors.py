@@ -14,7 +14,7 @@ from operator import index
 from tgospa_eval.text import visible
 
 LARGEST_COUNT = 2**31 - 2
-"""Of anything that is numbered with 32 bits, ends of ranges included."""
+"""Limit of anything that is numbered with 32 bits, ends of ranges included."""
 
 
 class ExitStatus(IntEnum):
@@ -63,7 +63,7 @@ class MemoryTooSmallError(ConfigError):
 
 
 def real_number(name: str, value: object) -> float:
-    """The value as a float.
+    """Return the value as a float.
 
     Raises
     ------
@@ -78,8 +78,8 @@ def real_number(name: str, value: object) -> float:
         raise ConfigError(f"{name} is {value!r}: must be a number") from None
 
 
-def whole_number(name: str, value: object, least: int = 1, most: int | None = None) -> int:
-    """The value as an int, from the least to the most there may be.
+def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None = None) -> int:
+    """Return the value as an int, within its limits.
 
     Raises
     ------
@@ -90,8 +90,8 @@ def whole_number(name: str, value: object, least: int = 1, most: int | None = No
         number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
         number = None
-    if number is None or number < least or (most is not None and number > most):
-        allowed = f"{least} or more" if most is None else f"from {least} to {most}"
+    if number is None or number < minimum or (maximum is not None and number > maximum):
+        allowed = f"{minimum} or more" if maximum is None else f"from {minimum} to {maximum}"
         raise ConfigError(f"{name} is {value!r}: must be a whole number, {allowed}")
     return number
 

@@ -66,7 +66,7 @@ def inspect(
 
 
 def _about(reading: Reading) -> Iterator[Notice]:
-    """Warnings about one file by itself."""
+    """Yield warnings about one file by itself."""
     yield from reading.warnings
     count = reading.left_out.get("duplicate", 0)
     if count and not any(notice.code == "duplicates" for notice in reading.warnings):
@@ -78,7 +78,7 @@ def _about(reading: Reading) -> Iterator[Notice]:
 
 
 def describe(path: str, reading: Reading) -> Json:
-    """Counts and extents of one file."""
+    """Return counts and extents of one file."""
     side = reading.trajectories
     count, first, last = _lives(side)
     holes = last - first + 1 - count
@@ -126,17 +126,17 @@ def describe(path: str, reading: Reading) -> Json:
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
-    """Rows of each track, and its first and last step."""
+    """Return rows of each track, and its first and last step."""
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in the order of the steps, and the last one stays
+    last[side.track] = side.step  # rows are in the order of the steps, so the last one is kept
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
 
 def _longest_hole(side: Trajectories) -> int:
-    """Consecutive steps of the file at which a track is absent, though it exists around them."""
+    """Count consecutive steps of the file at which a track is absent between its ends."""
     order = np.argsort(side.track, kind="stable")
     track, step = side.track[order], side.step[order]
     same = track[1:] == track[:-1]
@@ -144,7 +144,7 @@ def _longest_hole(side: Trajectories) -> int:
 
 
 def _clock(side: Trajectories) -> Json:
-    """First and last stamp as read, and the distances between stamps."""
+    """Return the first and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
     gaps = spread(np.diff(side.times))
@@ -157,7 +157,7 @@ def _clock(side: Trajectories) -> Json:
 
 
 def spread(values: Floats | Ints) -> Json | None:
-    """Smallest, median and largest; None of nothing."""
+    """Return the smallest, median and largest; None of nothing."""
     if not len(values):
         return None
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
@@ -192,13 +192,13 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
 
 
 def _common_range(a: Floats, b: Floats) -> Json | None:
-    """Range in which both have values; None if there is none."""
+    """Return the range in which both have values; None if there is none."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
 
 def _overlap(aligned: Alignment) -> Json | None:
-    """First and last step between which both files have rows; None if there is none."""
+    """Return the first and last step between which both files have rows; None if there is none."""
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
         return None
@@ -213,14 +213,14 @@ def _overlap(aligned: Alignment) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
-    """Distances from truths to the nearest estimate of their step, over steps that both have.
+    """Return distances from truths to the nearest estimate of their step, over common steps.
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.
     """
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
         return None
-    nearest, others = [], []
+    nearest, next_truths = [], []
     for step in both[np.arange(min(SAMPLE, len(both))) * len(both) // min(SAMPLE, len(both))]:
         a, b = (
             distance.axes(side, slice(*np.searchsorted(side.step, [step, step + 1]).tolist())).T
@@ -231,9 +231,9 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
         nearest.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
         distances = distance.lower_bound(a[:, None], whole[None, :])
         distances[np.arange(len(a)), np.arange(len(a)) * every] = np.inf
-        others.append(distances.min(axis=1))
+        next_truths.append(distances.min(axis=1))
     near = np.concatenate(nearest)
-    suggestion = suggest_cutoff(near, np.concatenate(others))
+    suggestion = suggest_cutoff(near, np.concatenate(next_truths))
     near = np.sort(near)
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()
@@ -255,7 +255,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 # The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
-"""From where to where, as min and max; with a median too."""
+"""Extent as min and max; with a median too."""
 
 Row = tuple[str, list[str]]
 
@@ -264,11 +264,11 @@ NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
-"""Least width of the columns of the files; two of them and a gap of 2 fit in a line."""
+"""Width of the columns of the files, at least; two of them and a gap of 2 fit in a line."""
 
 
 def table(document: Json) -> str:
-    """The document in words, for someone who sees it for the first time."""
+    """Return the document in words, for someone who sees it for the first time."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
@@ -282,7 +282,7 @@ def table(document: Json) -> str:
 
 
 def _columns(rows: list[Row]) -> list[str]:
-    """Rows as lines: a cell that is too wide for its column goes on below."""
+    """Return rows as lines: a cell that is too wide for its column goes on below."""
     count = len(rows[0][1])
     room = WIDTH - NAME_WIDTH - 1 - 2 * (count - 1)
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
@@ -295,7 +295,7 @@ def _columns(rows: list[Row]) -> list[str]:
 
 
 def _files(files: list[Json]) -> Iterator[Row]:
-    """A row for each property, a cell for each file."""
+    """Yield a row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
     yield "format", [file["format"] for file in files]
@@ -303,7 +303,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # where the JSON's word for it is not enough
+    reasons = {  # reasons that need more words than the JSON has
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",
@@ -348,7 +348,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Lines on how the files fit; `warned` if a warning names the other clock."""
+    """Yield lines on how the files fit; `warned` if a warning names the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -389,7 +389,7 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
 
 
 def _stretch(time: Json | None) -> str:
-    """The time that both files cover."""
+    """Return the time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
     if time["steps"] == 1:
@@ -399,7 +399,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """The stamps of the estimate that fit better."""
+    """Describe the stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -413,7 +413,7 @@ def _shown_clock(clock: Json) -> str:
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Smallest to largest, and the median between them, with a noun or unit."""
+    """Format the range and the median of it, with a noun or unit."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -422,7 +422,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """Shortest and longest step, without the rounding of the stamps."""
+    """Return the shortest and longest step, without the rounding of the stamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]
@@ -430,7 +430,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Ends of an interval, with enough digits for them to differ."""
+    """Format ends of an interval, with enough digits for them to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]
@@ -447,7 +447,7 @@ def _number(value: float | None, digits: int = 6) -> str:
 
 
 def _moment(value: Time | None) -> str:
-    """A time as read, without the last digits of sums of decimals: 5.8, not 5.800000000000001."""
+    """Format a time without the rounding of sums of decimals: 5.8, not 5.800000000000001."""
     if not isinstance(value, float):
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"

@@ -60,7 +60,7 @@ class Pairing:
         The sides, on the same times.
     pairs : Pairs
         Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
-    apart : (N,) float array
+    mean_distances : (N,) float array
         Distances of their means.
     chosen : (N,) bool array
         Which of them were associated.
@@ -73,7 +73,7 @@ class Pairing:
     first: Trajectories
     second: Trajectories
     pairs: Pairs
-    apart: Floats
+    mean_distances: Floats
     chosen: Mask
     cutoff: float
     distance: Distance
@@ -125,12 +125,12 @@ class Pairing:
         given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
         if not distance.on_earth and "scale" not in distance.options:
             return None
-        if isinstance(given, str):  # of each pair
+        if isinstance(given, str):  # the covariance differs for each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
-            for moments, one in ((own, side), (other, self.second)):
-                moments[:-1] = 0.0 if one.spread is None else one.spread
-            alone = (self.partners[0] == NOBODY)[:, None]
-            partner = np.where(alone, own[:-1], other[self.partners[0]])
+            for spread_of_side, one in ((own, side), (other, self.second)):
+                spread_of_side[:-1] = 0.0 if one.spread is None else one.spread
+            unpaired = (self.partners[0] == NOBODY)[:, None]
+            partner = np.where(unpaired, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
         scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
         if distance.on_earth:
@@ -141,26 +141,26 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Each state once: pairs by step, with None for the partner of an unassigned one."""
+        """Return each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
-        alone = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
-        kind = np.repeat((0, 1, 2), (len(pairs), len(alone[0]), len(alone[1])))
+        unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
+        kind = np.repeat((0, 1, 2), (len(pairs), len(unpaired[0]), len(unpaired[1])))
         a, b, pair = np.full((3, len(kind)), NOBODY)
-        a[kind < 2] = np.concatenate((both[0], alone[0]))
-        b[kind != 1] = np.concatenate((both[1], alone[1]))
+        a[kind < 2] = np.concatenate((both[0], unpaired[0]))
+        b[kind != 1] = np.concatenate((both[1], unpaired[1]))
         pair[kind == 0] = pairs
         order = np.lexsort((np.where(kind < 2, a, b), kind, self._steps(a, b)))
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """All `pairs`, and whether they were associated."""
+        """Return all `pairs`, and whether they were associated."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
     def cross_covariances_table(self) -> Columns:
-        """Cross-covariance of the particles of each associated pair.
+        """Return the cross-covariance of the particles of each associated pair.
 
         Raises
         ------
@@ -190,18 +190,18 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """The steps of rows of the sides, of which one may be `NOBODY`."""
+        """Return the steps of rows of the sides, of which one may be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Table of rows of both sides and the distances of pairs; None for `NOBODY`."""
+        """Return the table of rows of both sides and the distances of pairs; None for `NOBODY`."""
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
             (self.second.ids[self.second.track], b),
             (self.pairs.distance, pair),
-            (self.apart, pair),
+            (self.mean_distances, pair),
         )
         table: Columns = {}
         for name, (column, at) in zip(COLUMN_NAMES, values, strict=True):
@@ -254,10 +254,10 @@ def associate(
     begins = np.flatnonzero(np.diff(step, prepend=-1)).tolist()
     for begin, end in pairwise((*begins, len(step))):
         i, j = (side[begin:end] for side in rows)
-        most = max(len(np.unique(i)), len(np.unique(j)))
-        if most > MAX_STATES:
+        states = max(len(np.unique(i)), len(np.unique(j)))
+        if states > MAX_STATES:
             raise InputError(
-                f"t {first.shown[step[begin]]}: {most} states with a partner within the "
+                f"t {first.shown[step[begin]]}: {states} states with a partner within the "
                 f"cutoff, at most {MAX_STATES} are possible; take a smaller cutoff"
             )
         own = near[begin:end]
@@ -266,7 +266,7 @@ def associate(
         first=first,
         second=second,
         pairs=pairs,
-        apart=_means_apart(first, second, pairs, measure),
+        mean_distances=_mean_distances(first, second, pairs, measure),
         chosen=chosen,
         cutoff=cutoff,
         distance=measure,
@@ -274,7 +274,7 @@ def associate(
 
 
 def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
-    """The distance of the states of both sides, which must fit each other."""
+    """Return the distance of the states of both sides, which must fit each other."""
     if isinstance(distance, str):
         distance = DISTANCES.chosen(distance)
     names = ("first", "second")
@@ -285,10 +285,10 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     return distance.fitted((first, second))
 
 
-def _means_apart(
+def _mean_distances(
     first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
 ) -> Floats:
-    """Distances of the means, with the scales and periods of the distance."""
+    """Return distances of the means, with the scales and periods of the distance."""
     means: Distance = Norm(
         name="euclidean",
         power=2.0,
@@ -350,7 +350,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
 
 
 def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
-    """A row for each cloud: in threads, as it takes longer than to reduce."""
+    """Return a row for each cloud: in threads, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 

@@ -23,12 +23,12 @@ LISTED = 12
 """Names of a list that a message shows."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
-"""Where a workflow command begins: after blanks alone on GitHub (::error), anywhere on Azure,
+"""Begin of a workflow command: after blanks alone on GitHub (::error), anywhere on Azure,
 TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message])."""
 
 
 def visible(text: str) -> str:
-    """The text on one line, all of it to be seen."""
+    """Return the text on one line, with all characters visible."""
     if not text.isprintable():
         text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if "::" in text or "##" in text:
@@ -37,36 +37,36 @@ def visible(text: str) -> str:
 
 
 def as_unicode(text: str) -> str:
-    """The text with bytes that are no UTF-8, as names of files may have them, in hexadecimal."""
+    """Return the text with bytes that are no UTF-8, as in names of files, in hexadecimal."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
 def visible_lines(text: str) -> str:
-    """The visible text of several lines; line breaks and tabs remain."""
+    """Return the visible text of several lines; line breaks and tabs remain."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
-def clipped(text: str, most: int = CLIPPED_LENGTH) -> str:
-    """Beginning of the text, all of it visible, with dots for the rest."""
-    shown = visible(text[: most + 1])
-    return shown if len(shown) <= most else f"{shown[: most - 3]}..."
+def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
+    """Return the beginning of the text, all of it visible, with dots for the rest."""
+    shown = visible(text[: width + 1])
+    return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
-def ending(text: str, most: int) -> str:
-    """End of the text, in which names and paths differ, with dots for the rest."""
-    return text if len(text) <= most else f"...{text[len(text) - most + 3 :]}"
+def ending(text: str, width: int) -> str:
+    """Return the end of the text, in which names and paths differ, with dots for the rest."""
+    return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
 def quoted(text: object) -> str:
-    """A text in quotes, as messages show what they were given: visible, at most 60 characters."""
+    """Quote a text as messages show what they were given: visible, at most 60 characters."""
     return f'"{clipped(str(text))}"'
 
 
-def listed(texts: Iterable[object], most: int = LISTED) -> str:
-    """Names with commas between them, each as in `quoted` but for the quotes."""
+def listed(texts: Iterable[object], shown: int = LISTED) -> str:
+    """Return names with commas between them, each as in `quoted` but for the quotes."""
     names = list(texts)
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(clipped(str(name)) for name in names[:most]) + rest
+    rest = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(clipped(str(name)) for name in names[:shown]) + rest
 
 
 # -------------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ OF_READER = {
     "truth_format": "format",
     "estimate_format": "format",
 }
-"""What `read_trajectories` calls keywords."""
+"""Keywords of `read_trajectories` that have other names."""
 
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
@@ -104,7 +104,7 @@ NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
 
 
 def option(name: str, value: object = None, *, metavar: str = "", short: bool = False) -> str:
-    """An option as the current surface spells it: ``--max-gap 10`` or ``max_gap=10``.
+    """Return an option as the current surface spells it: ``--max-gap 10`` or ``max_gap=10``.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
-    LEAST_PAIRS,
+    MIN_PAIRS,
     intervals,
     margins,
     student,
@@ -141,7 +141,7 @@ def main() -> None:
     parser.add_argument("--studies", type=int, default=STUDIES, metavar="N")
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, metavar="n")
     given = parser.parse_args()
-    print(f"{given.studies:,} studies, {DRAWS} draws; the batch has none below {LEAST_PAIRS}\n")
+    print(f"{given.studies:,} studies, {DRAWS} draws; the batch has none below {MIN_PAIRS}\n")
     table("combined", of_combined, given)
     table("difference", of_difference, given)
 

@@ -26,6 +26,8 @@ def measure(scene: Scene) -> dict[str, Any]:
             begin = time.perf_counter()
             result = evaluate(truth, estimate, CUTOFF, ORDER, SWITCH_PENALTY, curve=curve)
             found.append(time.perf_counter() - begin)
-        wide = 0 if result.traced is None else int((~result.traced.met(result.gap)).sum())
+        wide = (
+            0 if result.curve_bounds is None else int((~result.curve_bounds.met(result.gap)).sum())
+        )
     single, both = min(seconds[False]), min(seconds[True])
     return {"evaluation": single, "curve": both - single, "wide": wide}

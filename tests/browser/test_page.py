@@ -38,7 +38,7 @@ def test_of_data_in_parts_there_are_costs_over_time_and_the_costliest(
     shown: Callable, sample: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(plot_data, "MOST_STRETCHES", 7)
+    monkeypatch.setattr(plot_data, "MAX_STRETCHES", 7)
     files = (SAMPLES / "quickstart" / f"{name}.csv" for name in ("truth", "estimate"))
     folders = write_sides(tuple(map(read_trajectories, files)), tmp_path)
     tab = shown(evaluate(*folders, 10.0, 2, 5.0, memory="200MB", jobs=1))

@@ -314,14 +314,14 @@ def particles(count: int, each: int, seed: int = 0, steps: int = 4) -> Result:
 
 def test_few_particles_are_all_told_with_their_weights() -> None:
     result = particles(2, 30)
-    held, clouds = result.drawn.estimate.particles, result.proof.compared.estimate_clouds
+    held, clouds = result.plot_data.estimate.particles, result.proof.compared.estimate_clouds
     by_track = np.argsort(np.tile(np.arange(2), 4), kind="stable")
     rows = [np.flatnonzero(held["row"] == k) for k in range(8)]
     assert [len(row) for row in rows] == [30] * 8
     for row, k in zip(rows, by_track, strict=True):
         np.testing.assert_array_equal(held["state"][row], clouds[int(k)][0])
         np.testing.assert_array_equal(held["weight"][row], clouds[int(k)][1])
-    made, grid = result.drawn, result.drawn.document
+    made, grid = result.plot_data, result.plot_data.document
     x = grid["low"][0] + made.arrays["estimate/particles/0"] * grid["quantum"][0]
     assert x == pytest.approx(held["state"][:, 0], abs=grid["quantum"][0])
     assert made.arrays["estimate/particles/weight"] / grid["shares"] == pytest.approx(
@@ -335,7 +335,7 @@ def test_many_particles_are_thinned_by_weight_without_chance(
     """Each that is told stands for whole slots of the weight, and their mean stays."""
     monkeypatch.setattr(spreads, "MOST", 50)
     result = particles(1, 400, steps=1)
-    held = result.drawn.estimate.particles
+    held = result.plot_data.estimate.particles
     assert held["weight"].sum() == pytest.approx(1)
     np.testing.assert_allclose(held["weight"] * 50, np.rint(held["weight"] * 50), atol=1e-9)
     points = result.proof.compared.estimate_clouds.points
@@ -343,14 +343,14 @@ def test_many_particles_are_thinned_by_weight_without_chance(
     # systematic resampling of 50: the mean is within a deviation / sqrt(50)
     mean = held["weight"] @ held["state"]
     assert np.abs(mean - result.proof.compared.estimate[0]).max() < 3 / np.sqrt(50)
-    again = particles(1, 400, steps=1).drawn.estimate.particles
+    again = particles(1, 400, steps=1).plot_data.estimate.particles
     assert all((again[name] == held[name]).all() for name in held)
-    assert result.drawn.document["particles"]["estimate"] == [len(held["row"]), 400]
+    assert result.plot_data.document["particles"]["estimate"] == [len(held["row"]), 400]
 
 
 def test_beyond_that_fewer_steps_have_particles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spreads, "PARTICLES", 40)
-    made = particles(2, 30, steps=8).drawn
+    made = particles(2, 30, steps=8).plot_data
     assert made.document["every"] == 4  # 16 clouds, 4 of at least 10 particles
     held = made.estimate.particles
     assert set(made.estimate.row["step"][held["row"]]) == {0, 4}
@@ -361,8 +361,8 @@ def test_the_page_of_a_particle_filter_is_small() -> None:
     """A million particles: 500 of each of 20 tracks at 100 steps."""
     result = particles(20, 500, steps=100)
     assert len(result.to_html()) < 2_000_000
-    assert result.drawn.document["particles"]["estimate"][1] == 1_000_000
-    assert 90_000 < result.drawn.document["particles"]["estimate"][0] <= 100_000
+    assert result.plot_data.document["particles"]["estimate"][1] == 1_000_000
+    assert 90_000 < result.plot_data.document["particles"]["estimate"][0] <= 100_000
 
 
 def test_particles_are_drawn_and_can_be_hidden(shown: Callable) -> None:
@@ -442,7 +442,7 @@ def test_particles_of_classes_stay_with_their_states() -> None:
     estimate["weight"] = rng.uniform(1, 2, len(estimate))
     estimate[["x", "y"]] += rng.normal(0, 1, (len(estimate), 2))
     result = evaluate(truth, estimate, cutoff=50.0, distance="cloud-wasserstein", by="class")
-    side = result.drawn.estimate
+    side = result.plot_data.estimate
     held = side.particles
     for k, state in enumerate(side.row["state"]):
         own = held["row"] == k

@@ -123,8 +123,8 @@ def test_against_programmes_of_the_definition(
     assert result.total == pytest.approx(expected, rel=1e-7, abs=1e-7)
     assert sum(parts(result)) == pytest.approx(result.total, rel=1e-12, abs=1e-12)
     assert sum(result.per_step.total) == pytest.approx(result.total, rel=1e-12, abs=1e-12)
-    (sliced,) = result.sliced
-    assert sum(one.total for one in sliced.slices) == pytest.approx(
+    (slicing,) = result.slicings
+    assert sum(one.total for one in slicing.slices) == pytest.approx(
         result.total, rel=1e-12, abs=1e-12
     )
     half = steps // 2 + 1

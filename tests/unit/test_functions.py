@@ -30,7 +30,7 @@ from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
-from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
+from tgospa_eval.simulation.settings import DEFAULT_ERRORS, default_tracker
 from tgospa_eval.text import option
 
 TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
@@ -244,8 +244,8 @@ def test_verify(quickstart: tuple[str, str], tmp_path: Path) -> None:
 
 def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
     defaults = {item.name: item.default for item in OPTIONS}
-    assert {name: defaults[name] for name in USUAL_ERRORS} == USUAL_ERRORS
-    usual = usual_tracker(200.0, {})
+    assert {name: defaults[name] for name in DEFAULT_ERRORS} == DEFAULT_ERRORS
+    usual = default_tracker(200.0, {})
     for name in ("confirmation", "merges", "lost", "latency"):
         assert getattr(usual, name) == defaults[name]
     assert usual.false_length == tuple(map(int, str(defaults["false_length"]).split(":")))

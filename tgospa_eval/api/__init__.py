@@ -1,1 +1,1 @@
-"""What people and the command line ask for, and what they get."""
+"""Requests of people and of the command line, and their results."""

@@ -18,7 +18,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.api import batch_row
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
+from tgospa_eval.api.options import FLAGS, OF_EVALUATE, OPTION_SPECS, BatchOptions, Request, typed
 from tgospa_eval.api.report import StudyReport, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from tgospa_eval.show.charts import Pictures
 
 IN_MEMORY = "in memory"
-"""What a store keeps in place of a path."""
+"""Text that a store keeps in place of a path."""
 
 REPORT_FOLDER = "reports"
 
@@ -80,13 +80,13 @@ FLUSH, SHARE = 2.0, 0.01
 """Seconds, and share of the time so far, after which rows are written: so much work a killed
 process loses at most."""
 
-MOST_HELD = 200_000
+MAX_PENDING_STEPS = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
 
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
-OF_ONE = ("by", "jobs", *ALONE)
+OF_ONE = ("by", "jobs", *OF_EVALUATE)
 """Options of an evaluation that are not for many, or that `batch` has in another form."""
 
 Notify = Callable[[str], object]
@@ -94,7 +94,7 @@ Notify = Callable[[str], object]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Batch(StudyReport):
-    """What `batch` found; printed it is the table of the command.
+    """Result of `batch`; printed it is the table of the command.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Batch(StudyReport):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What looks wrong with the data of jobs, a line a kind, and with the order."""
+        """Warnings about the data of jobs, a line a kind, and about the order."""
         return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
@@ -156,7 +156,7 @@ class Batch(StudyReport):
         return as_frame(curves_columns(self.tables.curves))
 
     @property
-    def drawn(self) -> BatchTables:
+    def plot_data(self) -> BatchTables:
         """Data of the pictures."""
         return self.tables
 
@@ -166,31 +166,31 @@ class Batch(StudyReport):
         return "batch"
 
     def table(self) -> "pd.DataFrame":
-        """A row for each group, as `groups`."""
+        """Return a row for each group, as `groups`."""
         return self.groups
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """The report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        """Return the report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
         return batch_report(replace(self.tables, columns=checked_columns(columns)), format)
 
     def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Cost per step of each group, stacked by its parts."""
+        """Plot the cost per step of each group, stacked by its parts."""
         return self._plot("parts", **options)
 
     def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Value per step of each job, by the labels."""
+        """Plot the value per step of each job, by the labels."""
         return self._plot("heat", **options)
 
     def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
-        """RMS-TGOSPA over time of each group, with bands."""
+        """Plot RMS-TGOSPA over time of each group, with bands."""
         return self._plot("curve", **options)
 
     def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
-        """The parts of RMS-TGOSPA over time."""
+        """Plot the parts of RMS-TGOSPA over time."""
         return self._plot("curve-parts", **options)
 
     def plot_over_time(self, **options: "Unpack[Drawing]") -> "Figure":
-        """RMS-TGOSPA, its parts, GOSPA, cardinality, detection rate and NEES over time."""
+        """Plot RMS-TGOSPA, its parts, GOSPA, cardinality, detection rate and NEES over time."""
         return self._plot("over-time", **options)
 
 
@@ -275,16 +275,16 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    given = dict(locals())  # options of batch by their names
-    asked = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
+    given = dict(locals())  # before any other local variable: the options of batch by their names
+    chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
     evaluation = {
-        **typed(asked, "batch"),
+        **typed(chosen, "batch"),
         "summed": True,
         "curve": curve,
         "with_": ",".join(each(with_)) or None,
         "slices": each(slices),
     }
-    told, plan = list[str](), None
+    messages, plan = list[str](), None
     sides: tuple[Any, Any] = (truth, estimate)
     if truth is None and estimate is None and len(paths) == 2 and not all(map(is_path, paths)):
         sides, paths = (paths[0], paths[1]), ()
@@ -313,25 +313,25 @@ def batch(
         else nullcontext(os.fspath(output)) as target
     ):
         options_ = BatchOptions.of({**given, "output": target})
-        done = evaluate_batch(names, options_, told.append, plan)
+        done = evaluate_batch(names, options_, messages.append, plan)
     if plan and (done.rows["status"] == "failed").all():
         raise InputError(*dict.fromkeys(done.rows["message"]))
     if done.page and output is not None:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
-        except ConfigError as error:  # the rows are stored in any case
-            told.append(f"the page is not written: {error}")
-    told += (text.removeprefix("warning: ") for text in done.warnings)
-    warn_user([Notice(text=text) for text in told])
+        except ConfigError as error:  # the rows are stored already
+            messages.append(f"the page is not written: {error}")
+    messages += (text.removeprefix("warning: ") for text in done.warnings)
+    warn_user([Notice(text=text) for text in messages])
     return done
 
 
 # -------------------------------------------------------------------------------------------------
-# What there is to do: jobs from the options of a batch, less those that are done.
+# Jobs from the options of a batch, without those that are done.
 
 
 def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
-    """The labels of --by, each once; a text that is the name of one is that, commas and all."""
+    """Return the labels of --by, each once; the name of a label may have commas."""
     names = [
         name
         for text in by
@@ -400,7 +400,7 @@ def evaluate_batch(
 
 
 def _check_options(batch: BatchOptions) -> None:
-    """Whether the options go together.
+    """Check that the options go together.
 
     Raises
     ------
@@ -428,7 +428,7 @@ def _check_options(batch: BatchOptions) -> None:
 
 
 def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
-    """What a store keeps of the options."""
+    """Return the options as a store keeps them."""
     options = batch.evaluation
     return {
         "schema": SCHEMA,
@@ -448,7 +448,7 @@ def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
 
 
 def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
-    """The jobs that the arguments name in one of three ways."""
+    """Return the jobs that the arguments name in one of three ways."""
     options, output = batch.evaluation, batch.output
     if batch.layout:
         if len(paths) != 2:
@@ -472,18 +472,18 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
 
 
 def _within(job: Job, time: str | None) -> Job:
-    """With those of its frames that are within --time.
+    """Return the job with those of its frames that are within --time.
 
     Raises
     ------
     ConfigError
         The range of time is none of frames.
     """
-    moments = parse_time_range(time)
-    if job.frames is None or moments is None:
+    period = parse_time_range(time)
+    if job.frames is None or period is None:
         return job
     frames = np.arange(job.frames[0], job.frames[1] + 1)
-    frames = frames[moments.inside(frames, "number", job.truth)]
+    frames = frames[period.inside(frames, "number", job.truth)]
     return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
 
 
@@ -514,7 +514,7 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """Number and count of the shards.
+    """Return number and count of the shards.
 
     Raises
     ------
@@ -529,7 +529,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """The jobs with their own options and their keys; what they share is there once."""
+    """Yield the jobs with their own options and their keys; shared values are there once."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)
@@ -569,15 +569,15 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask
 def _left_over(
     tasks: Iterable[batch_row.JobTask], before: "pd.DataFrame", *, retry_failed: bool
 ) -> Iterator[batch_row.JobTask]:
-    """What is not done, and what lacks something that is asked for beside its row.
+    """Yield what is not done, and what lacks something that is requested beside its row.
 
     A task that is done again keeps the steps that its row has: a new one takes its place.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
-    found = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
-    found[numbers] = found[numbers].astype(float).fillna(0.0)
-    found[batch_row.NOT_WRITTEN] = found[batch_row.NOT_WRITTEN].notna()
-    rows = {row["key"]: row for row in found.to_dict("records")}
+    known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
+    known[numbers] = known[numbers].astype(float).fillna(0.0)
+    known[batch_row.NOT_WRITTEN] = known[batch_row.NOT_WRITTEN].notna()
+    rows = {row["key"]: row for row in known.to_dict("records")}
     for task in tasks:
         row = rows.get(task.key)
         if row is None or (retry_failed and row["status"] == "failed"):
@@ -593,7 +593,7 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
+    """Return the bytes of both files: the largest jobs come first, so that none is the last."""
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
@@ -614,7 +614,7 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
     pending: list[Row] = []
     faults: list[Row] = []
     begin = flushed = shown = time.monotonic()
-    held = 0
+    steps = 0
     rows = spread(batch_row.evaluate_job, tasks, batch_row.lost_job, engine)
     try:
         for done, row in enumerate(rows, 1):
@@ -627,11 +627,11 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
             pending.append(row)
             if row["status"] == "failed":
                 faults.append(row)
-            held += row.get(STORED_STEPS, 0)
+            steps += row.get(STORED_STEPS, 0)
             now = time.monotonic()
-            if now - flushed > max(FLUSH, SHARE * (now - begin)) or held > MOST_HELD:
+            if now - flushed > max(FLUSH, SHARE * (now - begin)) or steps > MAX_PENDING_STEPS:
                 store.add(pending)
-                pending, flushed, held = [], now, 0
+                pending, flushed, steps = [], now, 0
             if now - shown > FLUSH:
                 shown, rate = now, done / (now - begin)
                 tell(
@@ -639,13 +639,13 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
                     f"{(len(tasks) - done) / rate:.0f} s left"
                 )
     finally:
-        rows.close()  # nothing is worked on when nobody takes its answer
+        rows.close()  # ends the work, as nobody takes its answers
         store.add(pending)
     return faults
 
 
 def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:
-    """What is wrong, a line for each job: no value, or what was asked for beside it is not there.
+    """Yield a line for each job that has no value, or lacks something that was requested.
 
     Parameters
     ----------
@@ -668,37 +668,37 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:
-    """How many rows are at none of the steps that were declared, if any are."""
+    """Yield how many rows are at none of the declared steps, if any are."""
     counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
     some = done[(counts > 0).any(axis=1)].to_dict("records")
     if some:
         of_truth, of_estimate = counts.sum()
-        others = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
+        rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
-            f"{job_name(some[0])}{others}: {counted(of_truth, 'row')} of the truth and "
+            f"{job_name(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
             f"{of_estimate:,} of the estimate at other times than the declared steps are left out"
         )
 
 
 def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
-    """Of the labels of --by, or the first; with the curves of what is stored."""
-    asked = grouped(batch.by, label_names(rows))
-    by = asked or label_names(rows)[:1]
+    """Return the tables by the labels of --by, or by the first; with stored curves."""
+    requested = grouped(batch.by, label_names(rows))
+    by = requested or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     steps = store.steps(rows)
-    curves, told = rms_curves(rows, steps, by, batch.band or "interval", batch.over)
+    curves, curve_notes = rms_curves(rows, steps, by, batch.band or "interval", batch.over)
     if (batch.band or batch.over) and steps is None:
         curved = option("band" if batch.band else "over")
-        told.append(
+        curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
-    # Without --by nobody asked what there is to compare.
+    # Without --by there is nothing to compare.
     settings = store.settings()
     used = settings.get("settings_file")
     notes = (
         *data_warnings(rows),
-        *(note for note in tables.notes if asked or note.startswith("warning: ")),
-        *told,
+        *(note for note in tables.notes if requested or note.startswith("warning: ")),
+        *curve_notes,
         *([str(SettingsFile(**used))] if used else ()),
     )
     return replace(tables, curves=tuple(curves), notes=notes, settings=settings)
@@ -709,7 +709,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
 
 
 def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
-    """Where the result folder of a job is, of labels and options of its own."""
+    """Return the result folder of a job, by labels and options of its own."""
     parts = [folder_name(as_unicode(value)) for value in labels.values()]
     parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
     return os.path.join(store, REPORT_FOLDER, *parts)
@@ -722,7 +722,7 @@ def batch_files(
     wanted: "Pictures | None" = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> Files:
-    """The files by name; `notify` gets what is made next and the share that is done.
+    """Return the files by name; `notify` gets what is made next and the share that is done.
 
     Parameters
     ----------
@@ -740,13 +740,13 @@ def batch_files(
     from tgospa_eval.show.html import batch_page  # lazy: only where it is written
 
     def link(row: Mapping[Any, Any]) -> str:
-        """Where the report of a job is, seen from the page; nothing if there is none."""
+        """Return the link from the page to the report of a job; nothing if there is none."""
         labels = {name: str(row[LABEL + name]) for name in label_names(tables.rows)}
         folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
-        found = Path(folder, "report.html")
-        if not found.is_file():
+        report = Path(folder, "report.html")
+        if not report.is_file():
             return ""
-        return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
+        return quote(os.fsencode(Path(os.path.relpath(report, target)).as_posix()))
 
     tables = replace(tables, link=link)
     notify("report.html", 0.0)

@@ -1,4 +1,4 @@
-"""What a worker process does: one job, from its files to a row, of a store or for a gate."""
+"""Work of a worker process: one job, from its files to a row, of a store or for a gate."""
 
 import hashlib
 import json
@@ -37,7 +37,7 @@ NOT_WRITTEN = "not_written"
 """Column of rows whose folder could not be written: why. The next run tries it again."""
 
 UNSEEN = "unseen"
-"""Where a row names the file that its worker did not see, on its way to who looks for it too."""
+"""Field of a row with the file that its worker did not see, for the process that reports it."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
 """Options that may name a file; their order is that of the digest of a job."""
@@ -71,7 +71,7 @@ class JobTask:
         the batch, which it sees if it shares its folder.
     settings_file : SettingsFile, optional
         The configuration file that set options of the batch.
-    judged : bool
+    for_gate : bool
         Whether it is for a gate, whose rows have the names of pairs as keys.
     page, quiet, verbose : bool
         Of a gate, whether a page is made, and which lines there are for the user.
@@ -86,14 +86,14 @@ class JobTask:
     base: str = ""
     store: str = ""
     settings_file: SettingsFile | None = None
-    judged: bool = False
+    for_gate: bool = False
     page: bool = False
     quiet: bool = True
     verbose: bool = False
 
     @property
     def is_written(self) -> bool:
-        """Whether the folder that is asked for is there."""
+        """True if the requested folder is there."""
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
@@ -101,7 +101,7 @@ class JobTask:
 def key_of(
     job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
 ) -> str:
-    """A digest of what makes the row: its files, labels, options and the schema of a result.
+    """Return a digest of what makes the row: its files, labels, options and the schema of a result.
 
     Parameters
     ----------
@@ -120,12 +120,12 @@ def key_of(
     for path in files:
         file = file_of(path)
         sha.update((digest or digest_of)(file))
-        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # its variable
+        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # the variable in the file
     return sha.hexdigest()
 
 
 def digest_of(path: str) -> bytes:
-    """Of the bytes of a file, or of those of a folder that are read.
+    """Return a digest of the bytes of a file, or of those of a folder that are read.
 
     What cannot be read counts as nothing; the job will say so.
     """
@@ -141,12 +141,12 @@ def digest_of(path: str) -> bytes:
 
 @lru_cache(maxsize=64)  # most jobs of a batch have the same
 def given_text(options: Request) -> str:
-    """The options that change the number, and the schema of a result."""
+    """Return the options that change the number, and the schema of a result."""
     return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
 
 
 def files_of(job: Job, options: Request) -> tuple[str, ...]:
-    """The files that a job reads; a word in place of a name is a file that is not there."""
+    """Return the files that a job reads; a word in place of a name is a file that is not there."""
     named = (getattr(options, name) for name in NAMING_FILES)
     return (*job.files, *filter(None, named))
 
@@ -154,7 +154,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 def evaluate_job(
     task: JobTask, run: Run | None = None, say: Callable[[str], None] | None = None
 ) -> Row:
-    """The row of a job; a wrong file or a failed solver is a row as well, with its message.
+    """Return the row of a job; a wrong file or a failed solver makes a row with its message.
 
     That of a gate has the error itself as well, its page, and the lines for the user unless `say`
     gets them at once.
@@ -170,12 +170,12 @@ def evaluate_job(
             say(str(notice))
 
     try:
-        here = _as_seen_here(task)
+        here = _on_this_worker(task)
         unseen = _unseen(task, here)
         if unseen is not None:
             return finished_row(task, unseen, 0.0)
         settings, stopwatch = resolve_request(here.options), Stopwatch()
-        settings = replace(settings, allow_empty=not task.judged)
+        settings = replace(settings, allow_empty=not task.for_gate)
         if not task.quiet:
             stopwatch.notify = say
 
@@ -185,21 +185,24 @@ def evaluate_job(
             return evaluate_sides(settings, sides, stopwatch, notify)
 
         result = run(work, stopwatch) if run else work()
-        if task.judged:
+        if task.for_gate:
             for text in about_run(result, settings, stopwatch, verbose=task.verbose):
                 say(text)
-        row = {**row_to_judge(result), **(_judged if task.judged else _stored)(result, task, here)}
+        row = {
+            **row_to_judge(result),
+            **(_gate_row if task.for_gate else _stored)(result, task, here),
+        }
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args), "error": error}
-    except Exception as error:  # of ours: the other jobs of a batch go on
-        if task.judged:
+    except Exception as error:  # a fault of ours must not stop the other jobs
+        if task.for_gate:
             raise
         row = {"status": "failed", "message": fault_of(error)}
     return finished_row(task, {**row, "lines": lines}, time.monotonic() - begin)
 
 
 def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """What a store has of a result beside what is judged.
+    """Return what a store has of a result beside the row for a gate.
 
     Raises
     ------
@@ -218,8 +221,8 @@ def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
     }
 
 
-def _judged(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """The page of a pair of a gate, if one is made; its proof is written."""
+def _gate_row(result: Evaluation, task: JobTask, here: JobTask) -> Row:
+    """Make the page of a pair of a gate, if requested; its proof is written."""
     if here.folder is not None:
         from tgospa_eval.show.files import PROOF, proof_files, write_texts  # lazy: few ask for it
 
@@ -232,48 +235,48 @@ def _judged(result: Evaluation, task: JobTask, here: JobTask) -> Row:
     return {"page": page(result, (task.job.truth, task.job.estimate))}
 
 
-def _as_seen_here(task: JobTask) -> JobTask:
-    """The task with paths of this worker."""
+def _on_this_worker(task: JobTask) -> JobTask:
+    """Return the task with paths of this worker."""
     if not task.base:
         return task
 
-    def seen(path: str) -> str:
+    def local(path: str) -> str:
         return os.path.join(task.base, path)
 
-    job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
+    job = replace(task.job, truth=local(task.job.truth), estimate=local(task.job.estimate))
     named = {name: getattr(task.options, name) for name in NAMING_FILES}
-    paths: Any = {name: seen(path) for name, path in named.items() if path and path != "global"}
+    paths: Any = {name: local(path) for name, path in named.items() if path and path != "global"}
     options = replace(task.options, **paths)
     return replace(
         task,
         job=job,
         options=options,
-        folder=task.folder and seen(task.folder),
-        store=seen(task.store),
+        folder=task.folder and local(task.folder),
+        store=local(task.store),
     )
 
 
-def _unseen(asked: JobTask, here: JobTask) -> Row | None:
-    """What to say of a file that is not there for a worker of a cluster; None if all are."""
-    if not asked.base:
+def _unseen(requested: JobTask, here: JobTask) -> Row | None:
+    """Describe a file that a worker of a cluster does not see; None if all are there."""
+    if not requested.base:
         return None
-    needed = [(*map(file_of, task.job.files), task.store) for task in (asked, here)]
-    for path, seen in zip(*needed, strict=True):
-        if not os.path.exists(seen):
-            told = f"the worker on {socket.gethostname()} does not see {seen}"
-            return {"status": "failed", "message": told, UNSEEN: path}
+    needed = [(*map(file_of, task.job.files), task.store) for task in (requested, here)]
+    for path, local in zip(*needed, strict=True):
+        if not os.path.exists(local):
+            message = f"the worker on {socket.gethostname()} does not see {local}"
+            return {"status": "failed", "message": message, UNSEEN: path}
     return None
 
 
 def lost_job(task: JobTask) -> Row:
-    """The row of a job whose process died, also when nothing else was worked on."""
+    """Return the row of a job whose process died, also when nothing else was worked on."""
     error = SolverError("its process died")
     row = {"status": "failed", "message": str(error), "error": error, "lines": ()}
     return finished_row(task, row, 0.0)
 
 
 def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
-    """With what every row has; in a store with texts as Parquet takes them."""
+    """Add what every row has; in a store with texts as Parquet takes them."""
     whole = {
         "key": task.key,
         **{f"label.{name}": value for name, value in task.job.labels.items()},
@@ -285,7 +288,7 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
         "finished": time.time_ns(),
         "version": __version__,
     }
-    if task.judged:
+    if task.for_gate:
         return whole
     return {
         key: as_unicode(value) if isinstance(value, str) else value
@@ -330,10 +333,10 @@ SHOWN = 10.0
 """Seconds between two lines of progress."""
 
 
-def judged_rows(
+def gate_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
 ) -> Iterator[Row]:
-    """Rows as they are ready: of this process at first, and of several if that takes long.
+    """Yield rows as they are ready: of this process at first, and of several if that takes long.
 
     `notify` gets lines, each with the name of its job.
     """

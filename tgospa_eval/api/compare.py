@@ -10,7 +10,7 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.options import OF_EVALUATE, Request
 from tgospa_eval.api.reading import called
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
@@ -67,14 +67,14 @@ if TYPE_CHECKING:
 
 Values: TypeAlias = float | Sequence[float] | Floats
 
-ONE_EVALUATION = ("by", "preprocess", *ALONE)
+ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 """Options that are not for a sweep."""
 
 
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """The settings of a point in the middle, and the parameters of all points by value.
+    """Return the settings of a point in the middle, and the parameters of all points by value.
 
     Raises
     ------
@@ -83,8 +83,8 @@ def swept_parameters(
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
-    others = {k: v for k, v in vars(resolved.evaluation.parameters).items() if k != name}
-    return resolved, in_order(name, values, others)
+    rest = {k: v for k, v in vars(resolved.evaluation.parameters).items() if k != name}
+    return resolved, in_order(name, values, rest)
 
 
 def sweep_sides(
@@ -99,10 +99,10 @@ def sweep_sides(
 ) -> Sweep:
     """Read both sides once, and evaluate them at each point; arguments as of `read_sides`."""
     read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
-    found = sweep_fitted(
+    points = sweep_fitted(
         read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
     )
-    return replace(recast(found, Sweep), warnings=read.warnings)
+    return replace(recast(points, Sweep), warnings=read.warnings)
 
 
 @with_options(*ONE_EVALUATION)
@@ -117,7 +117,7 @@ def sweep(
     mapping: "Components | None" = None,
     **options: "Unpack[SweepOptions]",
 ) -> Sweep:
-    """TGOSPA over a range of one parameter, each point with proven bounds.
+    """Compute TGOSPA over a range of one parameter, each point with proven bounds.
 
     Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
     else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
@@ -163,13 +163,15 @@ def sweep(
     name = swept[0]
     values = [float(value) for value in given.pop(name)]
     resolved, parameters = swept_parameters(requested({**given, **options}), name, values)
-    found = sweep_sides(resolved, name, parameters, (truth, estimate), Stopwatch(), mapping=mapping)
-    warn_user(found.warnings)
-    return found
+    points = sweep_sides(
+        resolved, name, parameters, (truth, estimate), Stopwatch(), mapping=mapping
+    )
+    warn_user(points.warnings)
+    return points
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
-"""What the table of the command says of another command."""
+"""Hint of the command's table to another command."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 """Estimates or their runs by name, paths, or the runs of one."""
@@ -177,7 +179,7 @@ Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compared(StudyReport):
-    """What `compare` found; printed it is the table of the command.
+    """Result of `compare`; printed it is the table of the command.
 
     Parameters
     ----------
@@ -191,7 +193,7 @@ class Compared(StudyReport):
     entrants: ranking.Entrants = field(default_factory=dict)
 
     def table(self) -> "pd.DataFrame":
-        """A row for each estimate, the best first, or for each solver."""
+        """Return a row for each estimate, the best first, or for each solver."""
         return as_frame(COLUMNS[self.document["kind"]](self.document))
 
     @property
@@ -205,12 +207,12 @@ class Compared(StudyReport):
         return as_frame(self.curves_columns() if self.entrants else {})
 
     def curves_columns(self) -> Columns:
-        """The same as columns: ``per_step.csv``."""
+        """Return the same as columns: ``per_step.csv``."""
         return ranking.steps_columns(self.entrants, self.document["estimates"][0]["name"])
 
     @property
-    def drawn(self) -> object:
-        """What pictures are of: the document, or times and costs of steps, the best first."""
+    def plot_data(self) -> object:
+        """Data of the pictures: the document, or times and costs of steps, the best first."""
         if not self.entrants:
             return self.document
         times, costs = ranking.steps_costs(self.entrants)
@@ -223,7 +225,7 @@ class Compared(StudyReport):
         return str(self.document["kind"])
 
     def to_dict(self) -> Json:
-        """The document as plain Python values."""
+        """Return the document as plain Python values."""
         return self.document
 
     def __str__(self) -> str:
@@ -232,23 +234,23 @@ class Compared(StudyReport):
     __repr__ = __str__
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """The report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        """Return the report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
         return re.sub(COMMAND, "", render(self.document, format, checked_columns(columns)))
 
     def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Cost of all steps so far, mean over the runs, a line for each estimate."""
+        """Plot the cost of all steps so far, mean over the runs, a line for each estimate."""
         return self._plot("cumulative", **options)
 
     def plot_time_over_error(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Time and error of each solver."""
+        """Plot time and error of each solver."""
         return self._plot("time_over_error", **options)
 
     def plot_error_over_epsilon(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Errors of the solver sinkhorn by temperature."""
+        """Plot errors of the solver sinkhorn by temperature."""
         return self._plot("error_over_epsilon", **options)
 
     def plot_convergence(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Bounds of the solver sinkhorn while it sweeps."""
+        """Plot bounds of the solver sinkhorn while it sweeps."""
         return self._plot("convergence", **options)
 
 
@@ -307,53 +309,53 @@ def compare(
     solver_runs.check_solvers(chosen)
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, warnings_only=True)
-    found: Json
+    document: Json
     entrants: ranking.Entrants = {}
     if chosen:
         if options.get("with_"):
             raise ConfigError(
                 f"{option('with_')} is for estimates that are ranked, not for solvers"
             )
-        found = solvers_on(pairs, cast("Any", truth), cast("Any", estimates), chosen)
+        document = solvers_on(pairs, cast("Any", truth), cast("Any", estimates), chosen)
     else:
         named = _named(estimates)
         _, truths, own = runs_in_memory(truth, named)
         runs = list(zip(truths, zip(*own.values(), strict=True), strict=True))
         request = settings.evaluation
-        found, entrants = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
-        told = (Notice(**record) for record in found["warnings"])
-        notices += (notice for notice in told if notice.code in ABOUT_COVARIANCES)
+        document, entrants = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
+        warnings = (Notice(**record) for record in document["warnings"])
+        notices += (notice for notice in warnings if notice.code in ABOUT_COVARIANCES)
     warn_user(notices)
-    return Compared(document=found, entrants=entrants)
+    return Compared(document=document, entrants=entrants)
 
 
 def _named(estimates: object) -> "Mapping[str, Any]":
-    """Estimates, or their runs, by name.
+    """Return estimates, or their runs, by name.
 
     Raises
     ------
     ConfigError
         They are none.
     """
-    found: Mapping[str, Any] | None = None
+    named: Mapping[str, Any] | None = None
     if isinstance(estimates, Mapping):
-        found = named_sides(estimates)
+        named = named_sides(estimates)
     elif isinstance(estimates, (list, tuple)) and any(map(is_path, estimates)):
         paths = [os.fspath(path) for path in estimates if is_path(path)]
         if len(set(paths)) == len(estimates):
-            found = {path: path for path in paths}
+            named = {path: path for path in paths}
     elif runs_of(estimates, "estimates"):
-        found = {"estimate": cast("Runs", estimates)}
-    if not found:
+        named = {"estimate": cast("Runs", estimates)}
+    if not named:
         raise ConfigError(
             "estimates must be a mapping from name to estimate, or a list of different paths, at "
             "least one; of a single estimate solvers are compared, solvers=('certified', 'exact')"
         )
-    return found
+    return named
 
 
 # -------------------------------------------------------------------------------------------------
-# PairReader of sides made problems, and what comes of them.
+# Reading of sides, and rankings of their evaluations.
 
 
 class PairReader:
@@ -393,13 +395,13 @@ class PairReader:
 
     @property
     def warnings(self) -> list[dict[str, str]]:
-        """Those that were given."""
+        """Warnings that were given."""
         return [notice.record() for notice in self.shown if notice.code]
 
     def prepared(
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
     ) -> PreparedPair:
-        """The problem of two sides; notices about both together have a name, if it is given."""
+        """Return the problem of two sides; notices about both bear the name, if it is given."""
         of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
@@ -462,8 +464,8 @@ def ranked(
         what there is of the first.
     """
     stopwatch = pairs.stopwatch
-    found: dict[str, list[ranking.RunOutcome]] = {}
-    others: dict[str, list[ComputedMetrics]] = {}
+    outcomes: dict[str, list[ranking.RunOutcome]] = {}
+    computed: dict[str, list[ComputedMetrics]] = {}
     count = len(names) * len(runs)
     for done, (name, truth, estimate) in enumerate(
         (name, truth, estimate)
@@ -479,12 +481,12 @@ def ranked(
             if with_:
                 resources = Resources(jobs=solver.jobs, stopwatch=stopwatch)
                 beside = other_metrics(prepared, with_, resources, result.proof)
-                others.setdefault(name, []).append(beside)
-            made = ranking.outcome(path, result, prepared.moments, per_step=per_step)
-            found.setdefault(name, []).append(made)
-    whole = len(found[names[-1]]) if names[-1] in found else 1
-    entrants = {name: own[:whole] for name, own in found.items()}
-    metrics = {name: joined(own[:whole]) for name, own in others.items()}
+                computed.setdefault(name, []).append(beside)
+            made = ranking.outcome(path, result, prepared.timestamps, per_step=per_step)
+            outcomes.setdefault(name, []).append(made)
+    whole = len(outcomes[names[-1]]) if names[-1] in outcomes else 1
+    entrants = {name: own[:whole] for name, own in outcomes.items()}
+    metrics = {name: joined(own[:whole]) for name, own in computed.items()}
     truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = dict(result.settings)
     return ranking.ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
@@ -498,7 +500,7 @@ def solvers_on(
     *,
     spare: bool = False,
 ) -> Json:
-    """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
+    """Run several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
     states = solver_runs.takes_long(prepared) if spare else None
@@ -510,22 +512,22 @@ def solvers_on(
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
     solver_runs.warm_up(chosen)
-    found = [made for made, _ in solver_runs.compare_solvers(prepared, chosen, stopwatch.progress)]
-    for solver in chosen[len(found) :]:
+    runs = [made for made, _ in solver_runs.compare_solvers(prepared, chosen, stopwatch.progress)]
+    for solver in chosen[len(runs) :]:
         left_out[solver_runs.name_of(solver)] = "interrupted before its turn"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in solver_runs.ONCE.items()}
-    return solver_runs.solvers_document(found, prepared, left_out, once, pairs.warnings)
+    return solver_runs.solvers_document(runs, prepared, left_out, once, pairs.warnings)
 
 
 # -------------------------------------------------------------------------------------------------
 # Saved results in their order; nothing is solved.
 
 HEAD = ("files", "input", "parameters", "warnings", "with")
-"""What is kept of a document beside the costs."""
+"""Fields of a document that are kept beside the costs."""
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Whether these are saved results, or patterns of such, rather than files.
+    """Return whether these are saved results, or patterns of such, rather than files.
 
     Raises
     ------
@@ -561,12 +563,12 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         path = paths[marked.index(False)]
         raise ConfigError(f"{path}: has no *, but other results have; it stands for the run")
     runs = [
-        [saved_result(path) or path for path in (first, *others)]
-        for first, others in expand(paths[0], paths[1:])
+        [saved_result(path) or path for path in (first, *rest)]
+        for first, rest in expand(paths[0], paths[1:])
     ]
     names = short_names(paths if any(marked) else runs[0])
     heads: list[list[Json]] = []
-    found: list[list[ranking.RunOutcome]] = []
+    outcomes: list[list[ranking.RunOutcome]] = []
     for group in runs:
         documents = [read_result(path) for path in group]
         for document in documents:
@@ -585,15 +587,15 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
                 faults.append(f"{which}: {'; '.join(texts)}")
         if faults:
             raise ConfigError(*faults)
-        found.append(ranking.saved_outcomes(documents, group))
-    entrants = dict(zip(names, zip(*found, strict=True), strict=True))
+        outcomes.append(ranking.saved_outcomes(documents, group))
+    entrants = dict(zip(names, zip(*outcomes, strict=True), strict=True))
     warnings = [
         Notice(**record).about(path)
         for run, items in zip(runs, heads, strict=True)
         for path, item in zip(run, items, strict=True)
         for record in item["warnings"]
     ]
-    others, left_out = ranking.shared_metrics(heads)
+    shared_metrics, left_out = ranking.shared_metrics(heads)
     for notice in (*warnings, *left_out):
         notify(notice)
     first, *rest = [item["parameters"] for items in heads for item in items]
@@ -607,5 +609,5 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for first, *_ in heads
     ]
     records = [warning.record() for warning in warnings]
-    beside = {name: own for name, own in zip(names, others, strict=True) if own}
+    beside = {name: own for name, own in zip(names, shared_metrics, strict=True) if own}
     return ranking.ranking_document(entrants, truths, shared, records, beside), entrants

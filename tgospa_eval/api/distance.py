@@ -1,4 +1,4 @@
-"""From the options to a base distance."""
+"""Distances of options."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 
 
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
-    """How to reduce; None without a size. Some options are `shared` with the distance.
+    """Return how to reduce; None without a size. Some options are `shared` with the distance.
 
     Raises
     ------
@@ -40,10 +40,10 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
         name: value for name in REDUCTION_NAMES if (value := getattr(options, name)) is not None
     }
     if size is None:
-        alone = [name for name in given if name not in shared]
-        if alone:
+        unused = [name for name in given if name not in shared]
+        if unused:
             raise ConfigError(
-                f"{option(alone[0])} is for {option('reduce', metavar='N')}, which is missing"
+                f"{option(unused[0])} is for {option('reduce', metavar='N')}, which is missing"
             )
         return None
     method = given.pop("reduce_method", "sliced")
@@ -59,7 +59,7 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
 
 
 def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWasserstein":
-    """A distance of clouds with the settings that the options ask for.
+    """Return a distance of clouds with the settings of the options.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
 
 
 def _is_given(value: object, default: object) -> bool:
-    """Whether somebody chose it; arrays cannot be compared."""
+    """Return whether somebody chose it; arrays cannot be compared."""
     plain = value is None or isinstance(value, int | str | Sequence | Mapping)
     return not plain or (bool(value) and value != default)
 
@@ -181,21 +181,21 @@ class DistanceOptions:
 
     @staticmethod
     def columns(
-        asked: Sequence[str] | None, needed: tuple[str, ...] | None
+        requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """State columns to read: those asked for, else those that are needed."""
-        if needed is None or parse_columns(asked)[1]:
-            return None if asked is None else tuple(asked)
-        return (*(asked or ()), *needed)
+        """Return state columns to read: those asked for, else those that are needed."""
+        if needed is None or parse_columns(requested)[1]:
+            return None if requested is None else tuple(requested)
+        return (*(requested or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
-        """Which states (d, R) the distance cannot compare, if it needs such columns."""
+        """Return which states (d, R) the distance cannot compare, if it needs such columns."""
         needed = self.named.columns
         fits = needed is not None and columns[: len(needed)] == needed
         return self.named.fault(axes) if fits else None
 
     def distance(self, columns: tuple[str, ...]) -> Distance:
-        """The distance of states with these columns.
+        """Return the distance of states with these columns.
 
         Raises
         ------
@@ -220,11 +220,11 @@ WIDE = 1.0
 
 
 def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
-    """What the user should know about the choice."""
-    found = []
+    """Return notices about the choice of the distance."""
+    warnings = []
     if isinstance(distance, Norm) and columns[:2] == PLACES:
         mixed = len(columns) > len(PLACES)
-        found.append(
+        warnings.append(
             Notice(
                 code="degrees" if mixed or cutoff >= WIDE else "",
                 text=f"{listed(columns)} are compared as plain numbers: "
@@ -233,18 +233,18 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
             )
         )
     if cutoff > distance.largest:
-        found.append(
+        warnings.append(
             Notice(
                 text=f"cutoff {cutoff:g} is above {distance.largest:g}, the largest distance of "
                 f"{distance.name}: all pairs of a step count as near, also those that share "
                 "nothing; time and memory grow with all pairs"
             )
         )
-    return found
+    return warnings
 
 
 def _with(distance: Distance, **settings: object) -> Distance:
-    """The same distance with other settings, which are those of its type."""
+    """Return the same distance with other settings, which are those of its type."""
     record: Any = distance
     changed: Distance = replace(record, **settings) if settings else record
     return changed
@@ -265,8 +265,8 @@ def _with_covariance(distance: Distance, given: "str | ArrayLike", decimal: str)
 def numbers_by_name(
     keyword: str, items: Sequence[str], default: float | None = None
 ) -> dict[str, float]:
-    """Numbers by name of ``name=number,name=number``."""
-    found: dict[str, float] = {}
+    """Return numbers by name of ``name=number,name=number``."""
+    numbers: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):
         name, equals, text = (part.strip() for part in item.partition("="))
         number = default if default is not None and not equals else parsed(text)
@@ -275,16 +275,16 @@ def numbers_by_name(
             raise ConfigError(
                 f"{option(keyword)} {quoted(item)}: must be {form}, with a number > 0"
             )
-        if name in found:
+        if name in numbers:
             raise ConfigError(f"{option(keyword)}: {quoted(name)} is given twice")
-        found[name] = number
-    return found
+        numbers[name] = number
+    return numbers
 
 
 def _by_column(
     keyword: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
 ) -> tuple[float, ...] | None:
-    """One number for each column, None if none is given."""
+    """Return one number for each column, None if none is given."""
     if not numbers:
         return None
     unknown = [name for name in numbers if name not in columns]

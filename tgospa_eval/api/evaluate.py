@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
-"""What to do with a notice, or a warning."""
+"""Receiver of notices and warnings."""
 
 
 @with_options()
@@ -46,7 +46,7 @@ def evaluate(
     scheduler: str | None = None,
     **options: "Unpack[EvaluateOptions]",
 ) -> Result:
-    """TGOSPA between two sets of trajectories, with proven bounds.
+    """Compute TGOSPA between two sets of trajectories, with proven bounds.
 
     Every option of ``tgospa-eval evaluate`` is a keyword, by its name.
 
@@ -141,17 +141,17 @@ class TrackPair:
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
-        """What looks wrong."""
+        """Warnings about the two sides."""
         return tuple(notice for notice in self.said if notice.code)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """How they were read, and what nobody chose."""
+        """Notices: how the sides were read, and the defaults in use."""
         return tuple(notice.sentence for notice in self.said if not notice.code)
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """What a result records of both files."""
+        """Records of both files in a result."""
         return [side.record for side in self.read]
 
 
@@ -204,7 +204,7 @@ def noticed(
     *,
     sound: bool = False,
 ) -> TrackPair:
-    """Two sides that were read and aligned, with what the user should know of them.
+    """Return two sides that were read and aligned, with notices about them.
 
     `sound` says that nothing is wrong with their clocks and states.
     """
@@ -266,10 +266,10 @@ def evaluate_pair(
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None
     if request.slices:
-        from tgospa_eval.evaluation.slices import cut, slicings  # lazy: few ask for them
+        from tgospa_eval.evaluation.slices import slice_members, slicings  # lazy: few ask for them
 
         with stopwatch.span("slices"):
-            slices = cut(aligned, request.slices, request.parameters.cutoff)
+            slices = slice_members(aligned, request.slices, request.parameters.cutoff)
     stopwatch.progress.begin(request.parameters.root)
     solution = request.solver(prepared.states, stopwatch)
     result = prove(prepared, request.solver, solution, stopwatch, request)
@@ -278,18 +278,18 @@ def evaluate_pair(
         from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
 
         resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
-        others = other_metrics(prepared, request.with_, resources, result.proof)
-        result = replace(result, with_=joined([others]), sums=others.sums())
+        computed = other_metrics(prepared, request.with_, resources, result.proof)
+        result = replace(result, with_=joined([computed]), sums=computed.sums())
     if slices is not None:
         with stopwatch.span("slices"):
-            sliced = slicings(slices, result)
-        result = replace(result, sliced=sliced, timings=nested_timings(stopwatch))
+            split = slicings(slices, result)
+        result = replace(result, slicings=split, timings=nested_timings(stopwatch))
     return result_of(result)
 
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
-    """One evaluation for each class, and their sum."""
-    # What the distance takes from the data, it takes from all.
+    """Evaluate each class, and add them up."""
+    # A distance with settings of the data takes them from all classes.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()

@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.api.batch_row import PATIENCE
 from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.options import ALONE, Request
+from tgospa_eval.api.options import OF_EVALUATE, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
@@ -87,7 +87,7 @@ class Evaluations:
         return run in self.runs
 
     def __getitem__(self, run: "int | str") -> Result:
-        """The result of a pair, by its place or its name: what `evaluate` returns, without warning.
+        """Return the result of a pair, by place or name: what `evaluate` returns, without warnings.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Evaluations:
         return result
 
     def table(self) -> "pd.DataFrame":
-        """A row for each pair: values, bounds, parts and counts as of `Batch.rows`.
+        """Return a row for each pair: values, bounds, parts and counts as of `Batch.rows`.
 
         ``warnings`` are the codes of what looks wrong.
         """
@@ -121,7 +121,7 @@ class Evaluations:
     __repr__ = __str__
 
 
-@with_options("by", "jobs", *ALONE)
+@with_options("by", "jobs", *OF_EVALUATE)
 def evaluate_many(
     truth: "Runs | Sequence[tuple[Any, Any]] | Mapping[str, tuple[Any, Any]]",
     estimate: "Runs | None" = None,
@@ -133,7 +133,7 @@ def evaluate_many(
     jobs: int | None = None,
     **options: "Unpack[EvaluateManyOptions]",
 ) -> Evaluations:
-    """TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
+    """Compute TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
 
     Small pairs are searched, reduced and certified together, which takes a fraction of the time
     of a loop; pairs that need more are evaluated by themselves. Bits are the same.
@@ -206,7 +206,7 @@ Numbers = tuple[Row, tuple[Notice, ...]]
 
 
 def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, Any]]]:
-    """Names of the pairs, and the pairs.
+    """Return names of the pairs, and the pairs.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
 
 
 def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, list[Numbers]]]:
-    """What comes out of chunks, here at first, and in processes if that takes long."""
+    """Yield the numbers of chunks, made here at first, and in processes if that takes long."""
     begin = time.monotonic()
     for done, chunk in enumerate(chunks):
         left = len(chunks) - done
@@ -257,7 +257,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Row and warnings of each of some pairs."""
+    """Return the row and warnings of each of some pairs."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []
@@ -267,8 +267,8 @@ def _chunk(
             read.append((pair, sides, *align_sides(resolved, sides, called(pair))))
     small = [
         k
-        for k, (_, _, aligned, asked) in enumerate(read)
-        if can_be_joined(asked) and sum(len(one.step) for one in aligned.read) <= SMALL
+        for k, (_, _, aligned, request_of_pair) in enumerate(read)
+        if can_be_joined(request_of_pair) and sum(len(one.step) for one in aligned.read) <= SMALL
     ]
     costs: dict[int, Costs | None] = {}
     sound = np.zeros(len(read), bool)
@@ -276,7 +276,7 @@ def _chunk(
         first = read[small[0]]
         alike = [k for k in small if is_like(read[k][2], first[2])] or small[:1]
         small = [k for k in small if k not in alike]
-        with suppress(ConfigError):  # what is wrong with one is said of that one below
+        with suppress(ConfigError):  # errors of a single pair are reported below
             joined = JoinedPairs([read[k][2] for k in alike], first[3])
             sound[alike] = joined.sound()
             costs |= dict(zip(alike, joined.costs(), strict=True))
@@ -298,7 +298,7 @@ def _of_run(run: str) -> Iterator[None]:
 
 
 def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:
-    """Row and warnings of a pair, which is evaluated by itself if its costs are not known yet."""
+    """Return the row and warnings of a pair, evaluated by itself if its costs are not known yet."""
     warnings, aligned = sides.warnings, sides.fitted.alignment
     if costs is None:
         result = evaluate_sides(resolved, sides, Stopwatch())
@@ -313,7 +313,7 @@ def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -
 
 
 def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:
-    """Each warning once, with the runs that have it."""
+    """Return each warning once, with the runs that have it."""
     kinds: dict[Notice, list[str]] = {}
     for run, notices in each:
         for notice in dict.fromkeys(notices):

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.batch_row import JobTask, Run, judged_rows
+from tgospa_eval.api.batch_row import JobTask, Run, gate_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, each, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, OPTION_SPECS, Request, typed
@@ -59,7 +59,7 @@ PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kin
 
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
-    """The options of a pair that are no defaults, by field."""
+    """Return the options of a pair that are no defaults, by field."""
     inherited = dict(entry["options"]) if entry else {}
     for key in (key for key in PATHS_GIVEN if inherited.get(key)):
         inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
@@ -167,7 +167,7 @@ def _with_first_changes(
     path: str,
     target: Target | None,
 ) -> Report:
-    """The report with the first state of truths that changed, where git has what they were."""
+    """Add the first state of truths that changed, where git has the former files."""
     there = {pair.name: pair for pair in pairs}
     outcomes = list(report.outcomes)
     changed = [
@@ -176,25 +176,25 @@ def _with_first_changes(
         if one.verdict is Verdict.INCOMPARABLE and one.name in there and not one.group
         if there[one.name].fault_is == one.verdict or CHANGED in " ".join(one.notes)
     ]
-    for place in changed[:MOST_CHANGES]:
+    for place in changed[:MAX_CHANGES]:
         one, pair = outcomes[place], there[outcomes[place].name]
         before = target or last_change(path)
         content = None if before is None else before.read(pair.truth)
         if before is None or content is None:
             continue
-        with suppress(TgospaError):  # what cannot be read has been said, or is not there to compare
+        with suppress(TgospaError):  # files that cannot be read are reported elsewhere
             text = _first_change(resolve(gate, pair, old.get(pair.name), path), pair, content)
             note = f"{text} (was -> is; since {before.where})"
             outcomes[place] = replace(one, notes=(*one.notes, note))
     return replace(report, outcomes=tuple(outcomes))
 
 
-MOST_CHANGES = 10
+MAX_CHANGES = 10
 """Truths that changed of which the first state is looked for."""
 
 
 def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
-    """The first state of a truth that is another one than in a former file."""
+    """Describe the first state of a truth that differs from a former file."""
     from tempfile import TemporaryDirectory  # lazy: truths seldom change
 
     from tgospa_eval.api.evaluate import read_sides
@@ -232,7 +232,7 @@ def _with_faults(
     old: Baseline | None,
     path: str,
 ) -> Iterator[Job]:
-    """The pairs; those whose files are not the target's have a fault, or are new."""
+    """Yield the pairs; those whose files are not the target's have a fault, or are new."""
     known, tables = old or {}, judge.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
 
@@ -250,9 +250,9 @@ def _with_faults(
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
         # Of a scene that the target knows, runs with other seeds are judged in their group.
-        judged = target.has(pair.truth) and scene(pair.labels) in scenes
-        judged = judged and any(table.has(pair.labels) for table in tables)
-        yield replace(pair, is_new=old is not None and pair.name not in known and not judged)
+        in_group = target.has(pair.truth) and scene(pair.labels) in scenes
+        in_group = in_group and any(table.has(pair.labels) for table in tables)
+        yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
 
 
 def _pairs(
@@ -262,7 +262,7 @@ def _pairs(
     notify: Callable[[str], None],
     target: Target | None,
 ) -> tuple[list[Job], list[GroupTable], str | None]:
-    """The pairs, one of two files or those of a suite; groups and the baseline of the suite."""
+    """Return the pairs, of two files or a suite; groups and the baseline of the suite."""
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources.get("suite") == "commandline":
@@ -290,7 +290,7 @@ def _evaluated(
     notify: Callable[[str], None],
     run: Run | None,
 ) -> Iterator[judge.Evaluated]:
-    """Pairs of files, read and evaluated, by processes where that takes long."""
+    """Yield pairs of files, read and evaluated, by processes where that takes long."""
     given: dict[str, dict[str, object]] = {}
     tasks: list[JobTask] = []
     waiting: dict[str, Row] = {}
@@ -305,7 +305,7 @@ def _evaluated(
             tasks.append(_task(gate, pair, given[pair.name], groups))
         except TgospaError as error:
             waiting[pair.name] = {"error": error, "lines": ()}
-    rows = judged_rows(tasks, say, run)
+    rows = gate_rows(tasks, say, run)
     for pair in pairs:
         while pair.name not in waiting:
             row = next(rows)
@@ -328,7 +328,7 @@ def _evaluated(
 
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
-    """Options that a baseline has in any case, those that follow from the data included."""
+    """Return options that a baseline has in any case, those that follow from the data included."""
     parameters = json.loads(row["parameters"])
     period = {"period": str(parameters["period"])} if "period" in parameters else {}
     return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
@@ -340,7 +340,7 @@ def _task(
     given: Mapping[str, object],
     groups: Sequence[GroupTable],
 ) -> JobTask:
-    """The task of a pair with these options."""
+    """Return the task of a pair with these options."""
     rules = [
         *judge.rules_of(gate, pair, default=False),
         *(rule for table in groups for rule in table.rules),
@@ -362,7 +362,7 @@ def _task(
     return JobTask(
         job=pair,
         key=pair.name,
-        judged=True,
+        for_gate=True,
         options=options,
         folder=folder,
         page=gate.output is not None,
@@ -372,21 +372,21 @@ def _task(
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
-    """Options as a baseline records them: lists as texts, paths relative to its folder.
+    """Return options as a baseline records them: lists as texts, paths relative to its folder.
 
     From another drive there is no path but the whole.
     """
-    found = {
+    portable = {
         key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
         for key, value in options.items()
     }
-    for key in (key for key in PATHS_GIVEN if key in found):
+    for key in (key for key in PATHS_GIVEN if key in portable):
         try:
-            relative = os.path.relpath(str(found[key]), os.path.dirname(path) or os.curdir)
-            found[key] = relative.replace(os.sep, "/")
+            relative = os.path.relpath(str(portable[key]), os.path.dirname(path) or os.curdir)
+            portable[key] = relative.replace(os.sep, "/")
         except ValueError:
-            found[key] = os.path.abspath(str(found[key]))
-    return found
+            portable[key] = os.path.abspath(str(portable[key]))
+    return portable
 
 
 # -------------------------------------------------------------------------------------------------
@@ -394,7 +394,7 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
 
 
 def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
-    """A baseline from a file, or from the jobs of a store that have a value; None without it.
+    """Return a baseline of a file, or of the jobs of a store that have a value; None without it.
 
     `renewed` says which entries are made anew: these may be in conflict.
 
@@ -413,7 +413,7 @@ def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Ba
 
 
 def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str | None]:
-    """The store that is judged, and the baseline.
+    """Return the store that is judged, and the baseline.
 
     Raises
     ------
@@ -442,7 +442,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
 
 
 def _stored(folder: str, path: str) -> dict[str, judge.Evaluated]:
-    """The rows of a store, and their options as a baseline at this path records them.
+    """Return the rows of a store, and their options as a baseline at this path records them.
 
     They are by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
 
@@ -480,7 +480,7 @@ INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBE
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GateResult:
-    """What `gate` found; true if it passed, printed it is the table of the command.
+    """Result of `gate`; true if it passed, printed it is the table of the command.
 
     Parameters
     ----------
@@ -500,12 +500,12 @@ class GateResult:
 
     @property
     def passed(self) -> bool:
-        """Whether it is proven that all rules hold, or the baseline was made."""
+        """True if all rules are proven to hold, or the baseline was made."""
         return self.report.status == 0
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know: reasons, remedies."""
+        """Notes for the user: reasons, remedies."""
         return tuple(note for outcome in self.report.outcomes for note in outcome.notes)
 
     @cached_property
@@ -523,7 +523,7 @@ class GateResult:
 
     def __bool__(self) -> bool:
         if not self.passed and "PYTEST_CURRENT_TEST" in os.environ:
-            sys.stdout.write(f"{self}\n")  # of which `assert` shows one line
+            sys.stdout.write(f"{self}\n")  # `assert` shows one line of it only
         return self.passed
 
     def __str__(self) -> str:
@@ -611,7 +611,7 @@ def gate(
     TypeError
         Neither two sides and a baseline nor a suite are given, or limits are no mapping.
     """
-    given = dict(locals())  # options of gate by their names
+    given = dict(locals())  # before any other local variable: the options of gate by their names
     if not isinstance(limits, Mapping | None):
         raise TypeError(f"limits is {limits!r}: must be a mapping from path to limit")
     named = {name: given[name] for name in ("suite", "baseline", "newer_than")}
@@ -646,14 +646,14 @@ def _gate_of_pair(
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
-    judge.rules_of(judge_by, pair)  # wrong ones before any work
+    judge.rules_of(judge_by, pair)  # wrong rules are errors before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **chosen)
     plain = {key: chosen.get(name) for key, name in INHERITED.items()}
     row = row_to_judge(result)
-    measured(row)  # raises at once what a report would say
+    measured(row)  # raises the error of a result that cannot be judged
     recorded = {
         **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
         **_chosen_by_data(row),
@@ -679,5 +679,5 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
 
 
 def _called(side: object, otherwise: str) -> str:
-    """The path of a file."""
+    """Return the path of a file."""
     return os.fspath(side) if isinstance(side, (str, os.PathLike)) else otherwise

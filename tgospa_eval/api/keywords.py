@@ -42,7 +42,7 @@ IN_OBJECTS = {
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Names of the keywords of a function that does without some."""
+    """Return names of the keywords of a function that does without some."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
@@ -70,7 +70,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
         described: Any = called
         described.__signature__ = signature.replace(parameters=[*own, *more])
-        if called.__doc__ is not None:  # python -OO
+        if called.__doc__ is not None:  # with python -OO there are no docstrings
             called.__doc__ = _documented(called.__doc__, [p.name for p in more])
         return called
 
@@ -78,7 +78,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 
 def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Whether a function has these keywords.
+    """Check that a function has these keywords.
 
     Raises
     ------
@@ -90,13 +90,14 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
         if name not in there:
             from difflib import get_close_matches  # lazy: most calls are right
 
-            near = [_meant(name)] if _meant(name) in there else get_close_matches(name, there, 1)
-            meant = f"; did you mean {near[0]}?" if near else ""
-            raise TypeError(f"{function}() has no keyword {name}{meant}")
+            own = _keyword_of(name)
+            near = [own] if own in there else get_close_matches(name, there, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise TypeError(f"{function}() has no keyword {name}{hint}")
 
 
-def _meant(name: str) -> str | None:
-    """The keyword of a letter or another name that the option has: gamma is `switch_penalty`."""
+def _keyword_of(name: str) -> str | None:
+    """Return the keyword of a letter or another name of an option: gamma is `switch_penalty`."""
     for field, about in OPTION_SPECS.items():
         if name.replace("_", "-") in re.findall(r"-([\w-]+)", about.declaration.replace("--", "-")):
             return field
@@ -104,12 +105,12 @@ def _meant(name: str) -> str | None:
 
 
 def _documented(doc: str, names: Iterable[str]) -> str:
-    """A docstring with the options before what is returned."""
+    """Return a docstring with the options before what is returned."""
     lines = ["Other Parameters", "----------------"]
     for name in names:
         about = OPTION_SPECS[name]
         text = re.sub(r"([*|`])", r"\\\1", about.help)
-        text = re.sub(r"--([a-z][a-z-]*)", lambda found: f"`{KEYWORDS[found[1]]}`", text)
+        text = re.sub(r"--([a-z][a-z-]*)", lambda match: f"`{KEYWORDS[match[1]]}`", text)
         if name in IN_OBJECTS:
             text += f" Also {IN_OBJECTS[name]}."
         if about.shown or DEFAULTS[name] not in (None, ()):
@@ -120,19 +121,19 @@ def _documented(doc: str, names: Iterable[str]) -> str:
 
 
 def _kind(name: str) -> str:
-    """The type of a keyword, in words."""
+    """Return the type of a keyword, in words."""
     kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
     known = [kind.__name__ for kind in kinds if isinstance(kind, type)]
     return " or ".join(known or ["str or iterable of str"])
 
 
 def each(given: str | Iterable[str]) -> tuple[str, ...]:
-    """A text, or several."""
+    """Return a text, or several, as a tuple."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 
 def requested(values: Mapping[str, object]) -> Request:
-    """The request of keywords.
+    """Return the request of keywords.
 
     Raises
     ------
@@ -146,7 +147,7 @@ KINDS = {float: "a number", int: "a whole number", bool: "True or False"}
 
 
 def _value(name: str, value: object) -> Any:
-    """A keyword as a request has it."""
+    """Return a keyword as a request has it."""
     if name not in OPTION_SPECS or value is None:
         return value
     about, option = OPTION_SPECS[name], name.rstrip("_")
@@ -156,7 +157,8 @@ def _value(name: str, value: object) -> Any:
     if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
         return _names(name, value)
     if isinstance(value, str):
-        known = about.choices if name not in ("distance", "solver") else ()  # which say it
+        # The texts of these two have their choices.
+        known = about.choices if name not in ("distance", "solver") else ()
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")
         if str in kinds:
@@ -173,7 +175,7 @@ def _value(name: str, value: object) -> Any:
 
 
 def _names(name: str, value: object) -> str | tuple[str, ...]:
-    """Several texts, or what the command line takes for such."""
+    """Return several texts, or what the command line takes for such."""
     if isinstance(value, str):
         return (value,) if DEFAULTS[name] == () else value
     texts = tuple(value) if isinstance(value, Iterable) else (value,)
@@ -183,7 +185,7 @@ def _names(name: str, value: object) -> str | tuple[str, ...]:
 
 
 def _check_range(option: str, about: OptionSpec, value: float) -> None:
-    """Whether a number is in the range of the command line."""
+    """Check that a number is in the range of the command line."""
     if about.low is not None and not value >= about.low:
         raise ConfigError(f"{option} is {value}: must be {about.low} or more")
     if about.high is not None and not value <= about.high:

@@ -1,4 +1,4 @@
-"""What the user should know of files, of the choice of options, and of how a solver ended."""
+"""Notices about files, the choice of options, and the end of a solver."""
 
 from collections.abc import Iterator, Sequence
 
@@ -27,7 +27,7 @@ NARROWEST = 1e-12
 
 
 def slow_notice() -> Iterator[Notice]:
-    """A notice where the kernels were not built."""
+    """Yield a notice where the kernels were not built."""
     if KERNEL == "numpy":
         yield Notice(
             text="no compiled kernels, slower: installing with a C compiler at hand builds them"
@@ -35,7 +35,7 @@ def slow_notice() -> Iterator[Notice]:
 
 
 def about(path: str, side: Reading) -> Iterator[Notice]:
-    """What the user should know of one file."""
+    """Yield notices about one file."""
     for text in side.notices:
         yield Notice(text=f"{path}: {text}")
     for notice in side.warnings:
@@ -43,7 +43,7 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
 
 
 def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
-    """A warning if two files have the same states, which no tracker has."""
+    """Warn if two files have the same states, which no tracker has."""
     if (
         len(truth.step) == len(estimate.step) > 1
         and np.array_equal(truth.track, estimate.track)
@@ -66,7 +66,7 @@ def pair_notices(
     *,
     sound: bool = False,
 ) -> Iterator[Notice]:
-    """What the user should know of both sides, of the distance, and of the two together.
+    """Yield notices about both sides, the distance, and the two together.
 
     Parameters
     ----------
@@ -96,17 +96,17 @@ def pair_notices(
         ignored, excused = (
             bool(marks_of(side, NOT_COUNTED).any()) for side in (aligned.truth, aligned.estimate)
         )
-        for text in request.ignoring.told(ignored=ignored, excused=excused):
+        for text in request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)
-    found = diagnosis.diagnose(sides, request, sound=sound)
-    yield from found
+    warnings = diagnosis.diagnose(sides, request, sound=sound)
+    yield from warnings
     if request.defaults:
         yield diagnosis.default_notice(
             aligned,
             distance,
             parameters,
             request.defaults,
-            others=diagnosis.explained(found),
+            is_explained=diagnosis.explained(warnings),
             boxes=any(side.centres for side in files),
         )
     if not request.solver.referee:
@@ -114,7 +114,7 @@ def pair_notices(
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """What states without covariance mean; the two: whether a side has none."""
+    """Explain states without covariance; the two: whether a side has none."""
     if truth and estimate:
         yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
     elif truth:
@@ -125,7 +125,7 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 
 
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
-    """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
+    """Yield the defaults in use, once for all jobs, in the words of a single evaluation."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
@@ -143,7 +143,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """How it went, if that is asked for, and where the accuracy is not reached."""
+    """Yield the course of the run, if that is requested, and where the accuracy is not reached."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:
@@ -151,27 +151,30 @@ def about_run(
 
 
 def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]:
-    """Where the accuracy that was asked for is not reached."""
+    """Yield where the requested accuracy is not reached."""
     if result.certified:
-        asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
-        for found, what, of in asked:
-            missed = 0 if found is None else int(np.count_nonzero(~found.met(result.gap)))
+        requested = (
+            (result.curve_bounds, "step", " of the curve"),
+            (result.window_bounds, "window", ""),
+        )
+        for bounds, what, of in requested:
+            missed = 0 if bounds is None else int(np.count_nonzero(~bounds.met(result.gap)))
             if missed:
                 where = f"{counted(missed, what)}{of}"
                 yield f"accuracy not reached at {where}, asked was {result.gap:g}"
         return
-    asked_gap = f", asked was {result.gap:g}" if resolved.evaluation.solver.proves else ""
+    gap_note = f", asked was {result.gap:g}" if resolved.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
         narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
     yield (
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
-        f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
+        f"{result.relative_gap:.2g}{gap_note}{narrowest}"
     )
 
 
 def _progress(result: Evaluation, stopwatch: Stopwatch) -> Iterator[str]:
-    """Times of the stages, and how the solver came near."""
+    """Yield times of the stages, and the progress of the solver."""
     for name, seconds in stopwatch.spans.items():
         yield f"{name:<20} {seconds:9.3f} s"
     if stopwatch.work:

@@ -47,7 +47,7 @@ Preprocess: TypeAlias = Literal[
 
 
 class _Cutoff(TypedDict, total=False):
-    """Of `batch`, `gate`."""
+    """Keywords of `batch`, `gate`."""
 
     cutoff: float | None
     order: float
@@ -55,7 +55,7 @@ class _Cutoff(TypedDict, total=False):
 
 
 class _Rho(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `compare`, `batch`, `gate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `compare`, `batch`, `gate`."""
 
     rho: float
 
@@ -72,7 +72,7 @@ class _PlainStepWeights(TypedDict, total=False):
 
 
 class _StepWeights(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`."""
 
     step_weights: str | os.PathLike[str] | StepWeightsLike | None
     ignore_regions: str | os.PathLike[str] | RegionsLike | None
@@ -80,7 +80,7 @@ class _StepWeights(TypedDict, total=False):
 
 
 class _Existence(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`."""
 
     existence: Literal["ignore", "use"]
     truth_columns: str | Iterable[str] | None
@@ -108,7 +108,7 @@ class _Existence(TypedDict, total=False):
 
 
 class _Distance(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`, `associate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `compare`, `sweep`, `gate`, `associate`."""
 
     distance: str | Distance | None
     covariance: str | os.PathLike[str] | Matrix | None
@@ -116,7 +116,7 @@ class _Distance(TypedDict, total=False):
 
 
 class _VerticalWeight(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`, `associate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `compare`, `sweep`, `batch`, `gate`, `associate`."""
 
     vertical_weight: float | None
     periodic: str | Iterable[str]
@@ -146,7 +146,7 @@ class _VerticalWeight(TypedDict, total=False):
 
 
 class _Columns(TypedDict, total=False):
-    """Of all functions."""
+    """Keywords of all functions."""
 
     columns: str | Iterable[str] | None
     decimal: Literal[".", ","]
@@ -164,7 +164,7 @@ class _Columns(TypedDict, total=False):
 
 
 class _By(TypedDict, total=False):
-    """Of `evaluate`, `gate`."""
+    """Keywords of `evaluate`, `gate`."""
 
     by: Literal["class"] | None
     slices: str | Iterable[str]
@@ -176,19 +176,19 @@ class _By(TypedDict, total=False):
 
 
 class _Preprocess(TypedDict, total=False):
-    """Of `evaluate`, `evaluate_many`, `batch`, `gate`."""
+    """Keywords of `evaluate`, `evaluate_many`, `batch`, `gate`."""
 
     preprocess: Preprocess | None
 
 
 class _Jobs(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `sweep`, `gate`, `associate`, `reduce`."""
+    """Keywords of `evaluate`, `compare`, `sweep`, `gate`, `associate`, `reduce`."""
 
     jobs: int | None
 
 
 class _With(TypedDict, total=False):
-    """Of `evaluate`, `compare`, `gate`."""
+    """Keywords of `evaluate`, `compare`, `gate`."""
 
     with_: str | Iterable[str] | None
 

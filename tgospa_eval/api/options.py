@@ -37,7 +37,7 @@ RANDOM = (*ITERATED, "systematic", "stratified", "multinomial")
 REDUCTIONS = (*RANDOM, "top")
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
-ROWS_ALONE = "write files of the rows that are to be evaluated"
+FILTER_FIRST = "write files of the rows that are to be evaluated"
 RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
@@ -56,7 +56,7 @@ _beside = partial(_output, number=False, everywhere=False, stored=False)
 def _one_side(
     declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
 ) -> Any:
-    """An option of one side, as that of both, or of the estimate as that of the truth."""
+    """Return an option of one side, as that of both, or of the estimate as that of the truth."""
     side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
     text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
     return declare(declaration, text, **about)
@@ -64,7 +64,7 @@ def _one_side(
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
-    """What is asked of an evaluation; None where nothing was given.
+    """Request for an evaluation; None where nothing was given.
 
     The help of a field is that of its option. `pairwise` lets a distance take the covariances of
     each pair; `sides` are the two files as options name them; `summed` says that slices are added
@@ -340,16 +340,16 @@ class Request(Values):
         ">= 0.5 and type != van'. ==, !=, <, <=, >, >=; names and texts with blanks in quotes. A "
         "blank passes no comparison with a number. Repeatable.",
         default=(),
-        parts=ROWS_ALONE,
+        parts=FILTER_FIRST,
     )
     truth_where: tuple[str, ...] = _filters(
         "--truth-where TEST",
         "--where for TRUTH alone, also for columns that only it has.",
         default=(),
-        parts=ROWS_ALONE,
+        parts=FILTER_FIRST,
     )
     estimate_where: tuple[str, ...] = _one_side(
-        _filters, "--estimate-where TEST", default=(), parts=ROWS_ALONE
+        _filters, "--estimate-where TEST", default=(), parts=FILTER_FIRST
     )
     by: str | None = _track_filters(
         "--by class",
@@ -591,7 +591,7 @@ class Request(Values):
 
     @property
     def given(self) -> dict[str, object]:
-        """Those that change the number or its bracket, and are no defaults."""
+        """Options that change the number or its bracket, and are no defaults."""
         return {
             name: getattr(self, name)
             for name, default in OF_THE_NUMBER.items()
@@ -600,12 +600,12 @@ class Request(Values):
 
 
 def is_coverage(region: str | None) -> bool:
-    """Whether a region is a circle or a file, and not ranges of columns."""
+    """Return whether a region is a circle or a file, and not ranges of columns."""
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 def names_file(name: str, value: object) -> bool:
-    """Whether a value of an option is the name of a file."""
+    """Return whether a value of an option is the name of a file."""
     if name == "inner_cov":
         return value not in ("global", "pair")
     if name == "region":
@@ -614,20 +614,20 @@ def names_file(name: str, value: object) -> bool:
 
 
 OPTION_SPECS = Request.settings()
-"""Of the fields that have an option."""
+"""Specifications of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Of those that all verbs have, by their names in a settings file."""
+"""Names of the options that all verbs have, by their names in a settings file."""
 
-ALONE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Of those that `evaluate` alone has."""
+OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
+"""Names of the options that `evaluate` alone has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
 
 FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
-"""Whether a setting that all verbs have is a flag."""
+"""Settings that all verbs have: whether each is a flag."""
 
 PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
     int: (parsed_whole, "whole number; write it as 10"),
@@ -636,7 +636,7 @@ PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
 
 
 def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
-    """Values of fields, of settings of a file by their names in it; `where` begins the messages.
+    """Convert settings of a file by their names to values of fields; `where` begins messages.
 
     Raises
     ------
@@ -684,7 +684,7 @@ _batch = partial(setting, "Batch", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions(Values):
-    """What there is to do, and how to spread and tabulate it."""
+    """Jobs of a batch, and how to spread and tabulate them."""
 
     truth: str | None = _batch(
         "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"

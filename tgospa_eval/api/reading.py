@@ -37,7 +37,7 @@ ASIDE = {"det", "img1", "seqmaps"}
 DEEP = 4
 """Folders are looked into so far: train/MOT17-02/gt/gt.txt."""
 
-FILES_SEEN = 10_000
+MAX_FILES = 10_000
 """Files that are looked at."""
 
 FILES_SHOWN = 3
@@ -45,11 +45,11 @@ SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""What to say of a folder or a pattern; the folder, and the files below it for which it stands."""
+"""Message about a folder or a pattern; the folder, and the files below it that it stands for."""
 
 
 def check_places(paths: Sequence[str]) -> None:
-    """Whether these can be files: the truth, and the estimate if there is one.
+    """Check that these can be files: the truth, and the estimate if there is one.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def check_places(paths: Sequence[str]) -> None:
 
 
 def find_place(path: str) -> Place | None:
-    """What is at a path, unless it is a file or nothing."""
+    """Return what is at a path, unless it is a file or nothing."""
     if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
@@ -78,10 +78,10 @@ def find_place(path: str) -> Place | None:
     import glob  # lazy: most paths are no patterns
 
     folder = os.path.dirname(path[: pattern.start()])
-    found = sorted(name for name in glob.glob(path) if os.path.isfile(name))
-    if found:
-        files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in found)
-        message = f"{path}: is a pattern, not a file; it fits {listed(found, FILES_SHOWN)}"
+    names = sorted(name for name in glob.glob(path) if os.path.isfile(name))
+    if names:
+        files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in names)
+        message = f"{path}: is a pattern, not a file; it fits {listed(names, FILES_SHOWN)}"
         return message, (folder, files)
     files = tuple(_files(folder or "."))
     inside = (
@@ -91,7 +91,7 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Tables, and folders that are one side, below a folder, by their paths from there."""
+    """Yield tables, and folders that are one side, below a folder, by their paths from there."""
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -107,31 +107,31 @@ def _files(folder: str) -> Iterator[str]:
         for name in sorted(files):
             if plain_name(name).endswith(SUFFIXES):
                 yield name if inner == "." else f"{inner}/{name}"
-        if count > FILES_SEEN:
+        if count > MAX_FILES:
             return
 
 
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """What to type."""
+    """Yield advice on what to type."""
     shapes = [
         _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
     ]
     if len(shapes) == 1:
-        first = next((next(iter(found.values())) for found in shapes[0].values()), None)
+        first = next((next(iter(files.values())) for files in shapes[0].values()), None)
         if first is not None:
             yield f"for one of them: tgospa-eval inspect {_quoted(first)}"
         return
     if not all(shapes):
         return
     best = max(product(*shapes), key=lambda pair: _fit(shapes, *pair))
-    truth, estimate = (found[shape] for found, shape in zip(shapes, best, strict=True))
+    truth, estimate = (by_shape[shape] for by_shape, shape in zip(shapes, best, strict=True))
     names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
     if not names:
-        # One each: no names are needed to see what belongs together.
-        files = [{path for group in found.values() for path in group.values()} for found in shapes]
-        if all(len(found) == 1 for found in files) and files[0] != files[1]:
-            yield _type(*(found.pop() for found in files))
+        # Of one file each it is clear what belongs together.
+        files = [{path for group in one.values() for path in group.values()} for one in shapes]
+        if all(len(some) == 1 for some in files) and files[0] != files[1]:
+            yield _type(*(some.pop() for some in files))
         elif all(places):
             yield "no file of one has the name of a file of the other: name a pair"
         return
@@ -158,7 +158,7 @@ def _type(truth: str, estimate: str) -> str:
 
 
 def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
-    """What to type for all sequences; `{}` stands for the name in the two paths."""
+    """Yield the commands for all sequences; `{}` stands for the name in the two paths."""
     sides = [side.format("{name}") for side in (truth, estimate)]
     options = " ".join(
         f"--{role} {_quoted(side)}" for role, side in zip(("truth", "estimate"), sides, strict=True)
@@ -171,9 +171,9 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
+    """Return paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
     folder, files = place
-    found: dict[str, dict[str, str]] = {}
+    shapes: dict[str, dict[str, str]] = {}
     for file in files:
         path = os.path.normpath(os.path.join(folder, file)).replace(os.sep, "/")
         parts = path.split("/")
@@ -184,21 +184,21 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
             if not stem or "{" in path or "}" in path:
                 continue
             shape = "/".join((*parts[:k], f"{{}}{dot}{suffix}", *parts[k + 1 :]))
-            found.setdefault(shape, {})[stem] = path
-    most = sorted(found, key=lambda shape: -len(found[shape]))[:SHAPES]
-    return {shape: found[shape] for shape in most}
+            shapes.setdefault(shape, {})[stem] = path
+    largest = sorted(shapes, key=lambda shape: -len(shapes[shape]))[:SHAPES]
+    return {shape: shapes[shape] for shape in largest}
 
 
 def _fit(
     shapes: Sequence[dict[str, dict[str, str]]], truth: str, estimate: str
 ) -> tuple[int, bool, int]:
-    """How well two shapes go together: by common names, then by the usual name of truth."""
+    """Return how well two shapes match: by common names, then by the usual name of truth."""
     common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
 
 
 def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
-    """What sides are called in messages: files by their paths, others by what they are."""
+    """Return the names of sides in messages: files by their paths, others by what they are."""
     return tuple(
         os.fsdecode(side) if objects.is_path(side) else role
         for side, role in zip(given, roles, strict=False)
@@ -270,7 +270,7 @@ def _read(
     mapping: "Components | None",
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
-    """All sides by one place, with heights where all have some; all faults at once."""
+    """Read all sides by one place, with heights where all have some; all faults at once."""
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
 
@@ -297,7 +297,7 @@ def _read(
         raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
     if known is not None and objects.is_path(given[0]) and made[0]:
         known.clear()
-        known[names[0]] = made[0]  # not as one estimate alone needs it
+        known[names[0]] = made[0]  # read for all estimates, not as a single one needs it
     made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None
@@ -313,7 +313,7 @@ def _brought_together(
     names: tuple[str, ...],
     given: Sequence[object],
 ) -> tuple[Reading, ...]:
-    """Both sides in the same units, clock and frame."""
+    """Return both sides in the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
     sides = in_one_clock(sides)
@@ -330,7 +330,7 @@ def _brought_together(
 
 
 def _stays(side: object) -> bool:
-    """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
+    """Return whether a side can be read a second time: a pipe is empty, and waiting never ends."""
     if isinstance(side, Reading):
         return False
     return not objects.is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
@@ -339,7 +339,7 @@ def _stays(side: object) -> bool:
 def _converted(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
-    """Both sides, one with the stamps and states that are asked for, if reading left that open."""
+    """Return both sides, one converted to the requested stamps and states, if still needed."""
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
@@ -358,7 +358,7 @@ def _converted(
 def _covered(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """The rows of all sides that are inside the regions of --region."""
+    """Return the rows of all sides that are inside the regions of --region."""
     from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few have regions
     from tgospa_eval.evaluation.regions import coverage, inside
 
@@ -376,7 +376,7 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Both files without what the rules of a benchmark leave out, if that is asked for.
+    """Return both files without rows that the rules of a benchmark leave out, if requested.
 
     Where it is not, and numbers are asked for that tables have, a warning says so.
 
@@ -396,7 +396,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """With the rows that a flag leaves out, of all classes."""
+        """Read also the rows that a flag leaves out, of all classes."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 
@@ -416,7 +416,7 @@ def _preprocessed(
 def check_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> None:
-    """Whether some file has what was asked of all.
+    """Check that some file has what was requested of all.
 
     Raises
     ------
@@ -441,7 +441,7 @@ def check_sides(
 def align_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[AlignedPair, EvaluationRequest]:
-    """Two sides on the same steps, and what is asked of them.
+    """Return two sides on the same steps, and the request for them.
 
     Raises
     ------

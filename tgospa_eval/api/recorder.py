@@ -95,11 +95,11 @@ class Recorder:
             are points, Gaussians or particles where others of the side are not. Nothing is kept
             then.
         """
-        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # of a tensor
+        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # a tensor
         where = f"update at t = {t}"
         self._check_time(t, where)
         size = self._size
-        found = []
+        sides = []
         given = (
             (truth_ids, truth, truth_covariances, truth_weights),
             (estimate_ids, estimate, estimate_covariances, estimate_weights),
@@ -118,13 +118,13 @@ class Recorder:
                         f"{where}, {name}: states of {array.shape[1]} components, those of "
                         f"{size[1]} have {size[0]}"
                     )
-            found.append((names, array, spread))
+            sides.append((names, array, spread))
         self._times.append(t)
         self._size = size
         self._kinds |= {
-            name: _kind(spread) for name, (ids, _, spread) in zip(ROLES, found, strict=True) if ids
+            name: _kind(spread) for name, (ids, _, spread) in zip(ROLES, sides, strict=True) if ids
         }
-        for frames, frame in zip(self._frames.values(), found, strict=True):
+        for frames, frame in zip(self._frames.values(), sides, strict=True):
             frames.append(frame)
 
     def _check_time(self, t: Any, where: str) -> None:
@@ -153,7 +153,7 @@ class Recorder:
         return self._trajectories("estimate", None)
 
     def evaluate(self, **options: "Unpack[RecorderOptions]") -> "Result":
-        """TGOSPA of what was kept.
+        """Compute TGOSPA of the recorded frames.
 
         Parameters
         ----------
@@ -200,14 +200,14 @@ def _kind(spread: object) -> str:
 
 
 def _clouds(clouds: Iterable[Cloud]) -> Clouds:
-    """Points and weights of one or more objects, one behind the other."""
+    """Return points and weights of one or more objects, one behind the other."""
     points, weights = zip(*clouds, strict=True)
     first = np.cumsum([0, *map(len, points)])
     return Clouds(points=np.concatenate(points), weights=np.concatenate(weights), first=first)
 
 
 def _frame(ids: object, states: Any, covariances: object, weights: Any, where: str) -> Frame:
-    """Ids as texts, a copy of the states (n, d), d = 0 if there are none, and what is around."""
+    """Return ids as texts, a copy of the states (n, d), d = 0 if there are none, and spreads."""
     from tgospa_eval.formats.frames import id_text  # lazy: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
@@ -248,7 +248,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
 
 
 def _particles(states: Any, weights: Any, where: str) -> Clouds:
-    """The particles of each object, with weights of the sum 1."""
+    """Return the particles of each object, with weights of the sum 1."""
     clouds = []
     for k, each in enumerate(states):
         points = np.array(numbers_of(array_of(each, where), where))

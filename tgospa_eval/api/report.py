@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def as_frame(columns: Columns) -> "pd.DataFrame":
-    """A table of columns as a DataFrame."""
+    """Return a table of columns as a DataFrame."""
     import pandas as pd  # lazy: slow to import
 
     return pd.DataFrame(columns)
@@ -34,7 +34,7 @@ class Reportable:
 
     @property
     @abstractmethod
-    def drawn(self) -> Any:
+    def plot_data(self) -> Any:
         """Data of the pictures."""
 
     @property
@@ -44,31 +44,31 @@ class Reportable:
 
     @abstractmethod
     def rendered(self, format: str) -> str:
-        """The report in a format of the command line."""
+        """Return the report in a format of the command line."""
 
     def to_json(self) -> str:
-        """The document of ``--format json``: no NaN, full doubles."""
+        """Return the document of ``--format json``: no NaN, full doubles."""
         return self.rendered("json")
 
     def to_markdown(self) -> str:
-        """The report for a pull request or a lab book."""
+        """Return the report for a pull request or a lab book."""
         return self.rendered("markdown")
 
     def to_latex(self, *, siunitx: bool = False) -> str:
-        """The tables for a paper, by the package booktabs; `siunitx` aligns digits by that one."""
+        """Return the tables for a paper, by the package booktabs; `siunitx` aligns digits."""
         return self.rendered("siunitx" if siunitx else "latex")
 
     def _repr_html_(self) -> str:
         return self.rendered("html")
 
     def _plot(self, name: str, **options: Any) -> "Figure":
-        """One picture, or a message with those that there are."""
+        """Draw one picture, or raise a message with the names of all."""
         from tgospa_eval.show.charts import CHARTS, plot  # lazy: slow to import
 
         if name not in CHARTS[self.kind]:
             known = ", ".join(f"plot_{other.replace('-', '_')}" for other in CHARTS[self.kind])
             raise ConfigError(f"plot_{name} is not for {self.kind}; there are {known}")
-        return plot(self.drawn, name, self.kind, **options)
+        return plot(self.plot_data, name, self.kind, **options)
 
 
 class StudyReport(Reportable):
@@ -76,10 +76,10 @@ class StudyReport(Reportable):
 
     @abstractmethod
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """The report in a format of the command line; `columns` as of ``--columns-of-table``."""
+        """Return the report in a format; `columns` as of ``--columns-of-table``."""
 
     def to_markdown(self, columns: Iterable[str] = ()) -> str:
-        """The report for a pull request or a lab book.
+        """Return the report for a pull request or a lab book.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class StudyReport(Reportable):
         return self.rendered("markdown", columns)
 
     def to_latex(self, columns: Iterable[str] = (), *, siunitx: bool = False) -> str:
-        """The tables for a paper; `columns` as of `to_markdown`."""
+        """Return the tables for a paper; `columns` as of `to_markdown`."""
         return self.rendered("siunitx" if siunitx else "latex", columns)
 
 
@@ -102,7 +102,7 @@ class Sweep(SweepEvaluation, Reportable):
     """Evaluations that differ in one parameter; fields are those of `SweepEvaluation`."""
 
     @property
-    def drawn(self) -> "Sweep":
+    def plot_data(self) -> "Sweep":
         """The sweep itself."""
         return self
 
@@ -112,16 +112,16 @@ class Sweep(SweepEvaluation, Reportable):
         return "sweep"
 
     def table(self) -> "pd.DataFrame":
-        """A row for each point; the first column bears the name of the parameter."""
+        """Return a row for each point; the first column bears the name of the parameter."""
         return as_frame(self.columns())
 
     def rendered(self, format: str) -> str:
-        """The report as ``--format`` prints it."""
+        """Return the report as ``--format`` prints it."""
         from tgospa_eval.show.comparison import sweep_document  # lazy: few show it
         from tgospa_eval.show.rendering import rendered
 
         return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
 
     def plot_sweep(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Value, costs and counts over the parameter."""
+        """Plot value, costs and counts over the parameter."""
         return self._plot("sweep", **options)

@@ -122,7 +122,7 @@ class ResolvedRequest:
         }
 
     def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
-        """What is asked of states with these columns.
+        """Return the request for states with these columns.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class ResolvedRequest:
 
 
 def resolve_request(options: Request) -> ResolvedRequest:
-    """The records that the options ask for.
+    """Return the records of the options.
 
     Raises
     ------
@@ -156,15 +156,15 @@ def resolve_request(options: Request) -> ResolvedRequest:
         return _resolved(options)
     try:
         hash(options)
-    except TypeError:  # arrays of Python
+    except TypeError:  # arrays cannot be hashed
         return _resolved(options)
     return _kept(options, surface.get())
 
 
 def _resolved(options: Request) -> ResolvedRequest:
-    asked = () if options.with_ is None else chosen_metrics(options.with_)
-    others, nees = tuple(name for name in asked if name != NEES), NEES in asked
-    if options.by and others:
+    requested = () if options.with_ is None else chosen_metrics(options.with_)
+    other_metrics, nees = tuple(name for name in requested if name != NEES), NEES in requested
+    if options.by and other_metrics:
         raise ConfigError(
             f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
             f"class by {option('class_', metavar='NAME')}"
@@ -178,7 +178,7 @@ def _resolved(options: Request) -> ResolvedRequest:
     ignoring = _ignoring(options)
     if ignoring is not None:
         columns = (*columns, *ignoring.columns)
-    reading = _reading(options, measure, columns, numbered=bool(others), nees=nees)
+    reading = _reading(options, measure, columns, numbered=bool(other_metrics), nees=nees)
     parameters, defaults = chosen_parameters(
         measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
     )
@@ -197,8 +197,8 @@ def _resolved(options: Request) -> ResolvedRequest:
             time_matching=_time_matching(options),
             unit=options.unit,
             curve=options.curve,
-            sliding=Sliding.asked(options.window, options.every),
-            with_=others,
+            sliding=Sliding.of_options(options.window, options.every),
+            with_=other_metrics,
             nees=nees,
             defaults=defaults,
             slices=slices,
@@ -220,7 +220,7 @@ def _resolved(options: Request) -> ResolvedRequest:
 
 @lru_cache(maxsize=8)
 def _kept(options: Request, _: str) -> ResolvedRequest:
-    """The same, made once for each surface: readers keep what messages call options."""
+    """Return the same, made once for each surface: readers keep names of options."""
     return _resolved(options)
 
 
@@ -232,7 +232,7 @@ def _reading(
     numbered: bool,
     nees: bool,
 ) -> ReadOptions:
-    """How to read both sides, with these columns beside the states."""
+    """Return how to read both sides, with these columns beside the states."""
     return ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -256,7 +256,7 @@ def _reading(
 
 
 def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion, Conversion]:
-    """From the stamps and states of truth and estimate to those that are compared."""
+    """Return the conversions of stamps and states of truth and estimate to those compared."""
     of_estimate = Conversion(
         time_offset=signed_seconds(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
@@ -277,7 +277,7 @@ def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion
 
 
 def _time_matching(options: Request) -> TimeMatching:
-    """How the times of both sides are brought together."""
+    """Return how the times of both sides are brought together."""
     return TimeMatching(
         tolerance=options.time_tolerance,
         grid=options.grid,
@@ -291,21 +291,21 @@ def _time_matching(options: Request) -> TimeMatching:
 
 
 def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
-    """What costs are split by, and the columns that this may need."""
+    """Return the slices of costs, and the columns that they may need."""
     if not options.slices:
         return (), ()
-    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # lazy: as weights
+    from tgospa_eval.evaluation.slicing import parse_slices, requested_columns  # lazy: as weights
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
-    return slices, columns_asked(slices)
+    return slices, requested_columns(slices)
 
 
 def _ignoring(options: Request) -> "Ignoring | None":
-    """What is not judged, if there is such."""
+    """Return the rules for states that are not judged, if there are any."""
     speed = options.max_speed or 0.0
     marks = (options.preprocess or "").endswith(":ignore")
-    asked = options.max_speed is not None or options.ignore_regions is not None
-    if not (options.ignore or marks or asked):
+    has_more = options.max_speed is not None or options.ignore_regions is not None
+    if not (options.ignore or marks or has_more):
         return None
     from tgospa_eval.evaluation.ignoring import (  # lazy: as weights
         GAPS,
@@ -322,41 +322,42 @@ def _ignoring(options: Request) -> "Ignoring | None":
             "them out"
         )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
-    found = replace(
+    rules = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
-    if IN_REGIONS in found.texts and found.regions is None:
+    if IN_REGIONS in rules.texts and rules.regions is None:
         raise ConfigError(
             f"{option('ignore', IN_REGIONS)}: needs {option('ignore_regions', metavar='FILE')}, "
             "which has them"
         )
-    if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
+    if options.max_speed is not None and not (rules.gaps and 0 <= speed < math.inf):
         raise ConfigError(
             f"{option('max_speed', f'{speed:g}')}: must be >= 0 and finite, and is for "
             f"{option('ignore', 'truth-gaps')}"
         )
-    if found.classes and options.by:
+    if rules.classes and options.by:
         raise ConfigError(
             f"{option('ignore', 'class=NAME')}: with {option('by', 'class')} each class is judged "
             f"by itself; choose one by {option('class_', metavar='NAME')}"
         )
     made = options.interpolate == "truth" or options.resample is not None
-    if made and OUTSIDE in found.texts:
+    if made and OUTSIDE in rules.texts:
         raise ConfigError(
             f"{option('ignore', OUTSIDE)}: the truth is interpolated to other times; "
             f"{option('ignore', GAPS)} leaves its gaps out"
         )
-    if GAPS in found.texts and not made:
+    if GAPS in rules.texts and not made:
         raise ConfigError(
             f"{option('ignore', GAPS)}: is for {option('interpolate', 'truth')} and "
             f"{option('resample')}, whose {option('max_gap')} says what a gap is"
         )
-    return found
+    return rules
 
 
 def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
-    """How to read a truth with all that the rules of a benchmark look at."""
-    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # lazy: as above
+    """Return how to read a truth with all columns that the rules of a benchmark need."""
+    # lazy: as above
+    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, evaluated_class
 
     rule = str(options.preprocess)
     if not measure.boxes:
@@ -377,13 +378,13 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
         return truth
     return replace(
         truth,
-        also=(*truth.also, *NEIGHBOURS[judged_class(truth.classes, rule)]),
+        also=(*truth.also, *NEIGHBOURS[evaluated_class(truth.classes, rule)]),
         attributes=(*truth.attributes, *HIDDEN),
     )
 
 
 def _form(options: Request, role: str) -> "TimeForm | None":
-    """How the times of a side are written, if that is said."""
+    """Return how the times of a side are written, if that is declared."""
     given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
     if given == [None, None]:
         return None
@@ -393,7 +394,7 @@ def _form(options: Request, role: str) -> "TimeForm | None":
 
 
 def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
-    """What the coordinates of both sides are, if any is said to be."""
+    """Return the coordinate frames of both sides, if any is declared."""
     given = options.truth_crs, options.estimate_crs
     if given == (None, None):
         if options.origin is not None:
@@ -423,7 +424,7 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
 
 
 def _of_tables(options: Request, side: str) -> str:
-    """An option of one side that is for files and tables, if one is in use."""
+    """Return an option of one side that is for files and tables, if one is in use."""
     of_both = (
         *("columns", "decimal", "on_duplicate", "on_invalid", "day_begins"),
         *("time", "class_", "region", "where", "by"),
@@ -435,7 +436,7 @@ def _of_tables(options: Request, side: str) -> str:
 
 
 def _calibration(options: Request) -> Calibration | None:
-    """Of the score of ``--similarity``, if it was asked for."""
+    """Return the calibration of the score of ``--similarity``, if it was requested."""
     if options.similarity is None:
         return None
     try:
@@ -459,7 +460,7 @@ def _each(
     frames: "Frames | None",
     ignoring: "Ignoring | None",
 ) -> tuple[ReadOptions, ReadOptions]:
-    """How to read truth and estimate: columns and classes of one go before those of both."""
+    """Return how to read truth and estimate: own columns and classes go before common ones."""
     own = (
         (_list(options.truth_columns), _list(options.truth_class), options.truth_where),
         (_list(options.estimate_columns), _list(options.estimate_class), options.estimate_where),
@@ -506,14 +507,14 @@ def _each(
 
 
 def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
-    """The parts of a list, of a text those between commas."""
+    """Return the parts of a list, of a text those between commas."""
     if names is None:
         return None
     return tuple(part.strip() for part in (names.split(",") if isinstance(names, str) else names))
 
 
 def _solver(options: Request) -> Solver:
-    """The solver that the options ask for."""
+    """Return the solver of the options."""
     if not isinstance(options.solver, str):
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:

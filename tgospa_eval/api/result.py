@@ -33,7 +33,7 @@ PUBLIC = (
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
     *("plot_windows", "plot_worst"),
 )
-"""What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
+"""Names that ``dir`` lists: those of the JSON, the tables, and what can be made of them."""
 
 
 class Showable(Evaluation, Reportable):
@@ -43,7 +43,7 @@ class Showable(Evaluation, Reportable):
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:
-        """Costs and counts split by attributes of truth and estimate at each step.
+        """Split costs and counts by attributes of truth and estimate at each step.
 
         Localisation errors and misses go by the truth's attribute at the step, false targets by
         the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
@@ -68,7 +68,7 @@ class Showable(Evaluation, Reportable):
             There is no such attribute, or its values do not fit what is asked for.
         """
         if not by:
-            return self.sliced
+            return self.slicings
         from tgospa_eval.evaluation.slices import slices_of  # lazy: slow to import
 
         assert isinstance(self, (PairEvaluation, EvaluationByClass))
@@ -81,7 +81,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Cost of each step, stacked: localisation, missed, false, switch.
+        """Plot the cost of each step, stacked: localisation, missed, false, switch.
 
         Where there are more steps than can be distinguished each bar is the costliest of several,
         and the axis says of how many.
@@ -116,7 +116,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
+        """Plot the normalised cumulative cost: the root of the mean cost of the steps up to each.
 
         The assignment is that of the whole recording, unless the curve was asked for; the last
         value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
@@ -125,7 +125,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
+        """Plot a lane for each truth with the estimates that follow it, and lanes of false tracks.
 
         A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
         as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
@@ -141,7 +141,7 @@ class Showable(Evaluation, Reportable):
         style: str = "screen",
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Trajectories in two of the state columns, with misses, false targets and switches.
+        """Plot trajectories in two of the state columns, with misses, false targets and switches.
 
         Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
         there along few trajectories where the states have such and the two columns show them. A
@@ -169,7 +169,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """NEES of each step with its 95 % band; of particles also the ranks of the truth.
+        """Plot NEES of each step with its 95 % band; of particles also the ranks of the truth.
 
         Errors and return value are those of `plot_costs`.
 
@@ -187,7 +187,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
+        """Plot sliding windows: at the middle of each the root of its mean cost, as in `windows`.
 
         Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
 
@@ -205,15 +205,15 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """The costliest steps, truths and estimates, and what they cost.
+        """Plot the costliest steps, truths and estimates, and their costs.
 
         Parameters, errors and return value are those of `plot_costs`; only `components` count.
         """
         return self._plot("worst", style=style, components=components, **place)
 
     @property
-    def drawn(self) -> "PlotData":
-        """What page and pictures draw: `show.plot_data.PlotData`."""
+    def plot_data(self) -> "PlotData":
+        """Data of page and pictures: `show.plot_data.PlotData`."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -230,7 +230,7 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str) -> Columns: ...
 
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
-        """One row with all numbers, as of a batch; or a table by its name, as plain columns.
+        """Return one row with all numbers, as of a batch; or a table by its name, as plain columns.
 
         Names are those of the DataFrames, and ``"per_class"``; those that were not asked for have
         no columns.
@@ -247,7 +247,7 @@ class Showable(Evaluation, Reportable):
         return as_frame({key: [value] for key, value in row_of(self).items()})
 
     def rendered(self, format: str) -> str:
-        """The report as ``--format`` prints it."""
+        """Return the report as ``--format`` prints it."""
         from tgospa_eval.show.result_text import REPORTS  # lazy: slow to import
 
         return REPORTS[format](self)
@@ -258,13 +258,13 @@ class Showable(Evaluation, Reportable):
         return card(self)
 
     def to_html(self) -> str:
-        """The report as one page that loads nothing."""
+        """Return the report as one page that loads nothing."""
         from tgospa_eval.show.html import page  # lazy: jinja2 is slow to import
 
         return page(self)
 
     def to_geojson(self) -> str:
-        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
+        """Return tracks, misses, false targets, errors and switches as GeoJSON, for maps.
 
         Raises
         ------
@@ -348,7 +348,7 @@ class Result(Showable, PairEvaluation):
     proof: Proof
 
     def explain(self, top: int = 10) -> Explanation:
-        """Which single repairs of the estimate would save most, each with proven bounds.
+        """Return which single repairs of the estimate would save most, each with proven bounds.
 
         Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
         estimate is moved in time and space, one change at a time. What each saves is proven from
@@ -374,7 +374,7 @@ class Result(Showable, PairEvaluation):
         return explain(self, top)
 
     def gradient(self) -> "Gradient":
-        """How the cost changes with every state of the estimate, with cutoff and switch penalty.
+        """Return how the cost changes with each state of the estimate, cutoff and switch penalty.
 
         By the envelope theorem: the derivative of the cost at the reported assignment, which is
         held. Where the best assignment is unique it is that of the metric, else one of those in
@@ -409,7 +409,7 @@ class ByClass(Showable, EvaluationByClass):
 
 
 def result_of(evaluation: PairEvaluation) -> Result:
-    """The result that a user holds of an evaluation."""
+    """Return the result that a user holds of an evaluation."""
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 
@@ -419,7 +419,7 @@ class ResultInParts(Showable, PartitionedResult):
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
         if by:
             self._refuse("slices")
-        return self.sliced
+        return self.slicings
 
     def plot_lanes(self, **_: object) -> NoReturn:  # noqa: D102
         self._refuse("plot_lanes")

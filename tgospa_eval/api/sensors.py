@@ -63,10 +63,10 @@ class Association(Pairing):
     def __str__(self) -> str:
         from tgospa_eval.show.result_text import association_text  # lazy: slow to import
 
-        return association_text(self, most=FIRST_ROWS, rest="associations").rstrip("\n")
+        return association_text(self, limit=FIRST_ROWS, rest="associations").rstrip("\n")
 
     def table(self, name: str) -> Columns:
-        """A table as plain columns: ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
+        """Return plain columns of ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
 
         Raises
         ------
@@ -94,12 +94,12 @@ class Association(Pairing):
     )
 
     def frame(self, name: str) -> "pd.DataFrame":
-        """A table as a DataFrame."""
+        """Return a table as a DataFrame."""
         return as_frame(self.table(name))
 
     @property
-    def drawn(self) -> "PlotData":
-        """What page and picture draw: `show.plot_data.PlotData`."""
+    def plot_data(self) -> "PlotData":
+        """Data of page and picture: `show.plot_data.PlotData`."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -107,7 +107,7 @@ class Association(Pairing):
     def plot_plane(
         self, *, columns: tuple[str, str] | None = None, style: str = "screen"
     ) -> "Figure":
-        """Both sides in two of the state columns, pairs, what stays alone, and gates.
+        """Plot both sides in two of the state columns, pairs, single states, and gates.
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
@@ -116,7 +116,7 @@ class Association(Pairing):
         return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
-        """A page that loads nothing; `names` are those of the sides."""
+        """Return a page that loads nothing; `names` are those of the sides."""
         from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
         return association_page(self, names)
@@ -138,7 +138,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Options of `associate` as those of a request."""
+    """Return options of `associate` as those of a request."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -150,9 +150,9 @@ def associate_sides(
     *,
     all_pairs: bool,
 ) -> Association:
-    """The association of sides that were read; `names` are for messages."""
+    """Associate sides that were read; `names` are for messages."""
     fitted, _ = align_sides(resolved, sides, names)
-    found = associate_states(
+    pairing = associate_states(
         fitted.alignment.truth,
         fitted.alignment.estimate,
         cutoff=resolved.evaluation.parameters.cutoff,
@@ -160,11 +160,11 @@ def associate_sides(
         all_pairs=all_pairs,
         resources=resources,
     )
-    return recast(found, Association)
+    return recast(pairing, Association)
 
 
 def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
-    """How to reduce, and how to read what is reduced."""
+    """Return how to reduce, and how to read what is reduced."""
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
     return how, resolve_request(replace(request, distance="cloud-wasserstein", **fixed))
@@ -173,7 +173,7 @@ def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
 def reduce_side(
     side: Reading, how: Reduction, name: str, resources: Resources
 ) -> tuple[Trajectories, Columns]:
-    """The clouds of a side with fewer particles, and a row of what changed for each.
+    """Return the clouds of a side with fewer particles, and a row of changes for each.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Sides in the role of estimates, with a Python warning for what looks wrong."""
+    """Read sides in the role of estimates, with a Python warning for what looks wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
@@ -220,7 +220,7 @@ def associate(
     b_where: "str | Sequence[str]" = (),
     **options: "Unpack[AssociateOptions]",
 ) -> Association:
-    """Which states of two sensors belong together, step by step.
+    """Associate the states of two sensors, step by step.
 
     Every option of ``tgospa-eval associate`` is a keyword, by its name.
 
@@ -276,7 +276,7 @@ def reduce(
     in_format: str | None = None,
     **options: "Unpack[ReduceOptions]",
 ) -> tuple[Trajectories, "pd.DataFrame"]:
-    """Particle clouds with fewer particles.
+    """Reduce particle clouds to fewer particles.
 
     Every option of ``tgospa-eval reduce`` is a keyword, by its name.
 

@@ -1,4 +1,4 @@
-"""What there is to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
+"""Pairs to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
 
 Knows paths and labels; of recordings at most the names of runs are read that one file has.
 """
@@ -33,7 +33,7 @@ LAYOUTS = {
 
 SEQINFO, SEQMAP = "seqinfo.ini", "evaluate_tracking.seqmap"
 DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in {SEQMAP}.training"}
-"""What declares the length of a sequence, in a benchmark."""
+"""File that declares the length of a sequence, by benchmark."""
 
 PATHS = ("truth", "estimate")
 """Columns of a manifest that are no label."""
@@ -126,7 +126,7 @@ class BatchPlan:
 
 
 Values = dict[str, str]
-"""What the fields of a pattern stand for."""
+"""Texts of the fields of a pattern."""
 
 
 def match(
@@ -136,7 +136,7 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Values of the truths, estimates with theirs, and notices of what was passed over.
+    """Return values of the truths, estimates with theirs, and notices of what was passed over.
 
     Arguments as of `of_patterns`; a truth without fields is one without values.
     """
@@ -148,10 +148,10 @@ def match(
     return values, estimates, tuple((passed_over | more).values())
 
 
-def groups_of(files: Iterable[Mapping[str, str]], others: Sequence[str]) -> list[Values]:
-    """What the fields stand for that estimates have alone, such as the name of a tracker."""
-    groups = dict.fromkeys(tuple(values[name] for name in others) for values in files)
-    return [dict(zip(others, group, strict=True)) for group in groups]
+def groups_of(files: Iterable[Mapping[str, str]], fields: Sequence[str]) -> list[Values]:
+    """Return the values of fields that only estimates have, such as the name of a tracker."""
+    groups = dict.fromkeys(tuple(values[name] for name in fields) for values in files)
+    return [dict(zip(fields, group, strict=True)) for group in groups]
 
 
 def of_patterns(
@@ -162,7 +162,7 @@ def of_patterns(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> BatchPlan:
-    """A job for each file that is like the pattern of the estimates, with the truth of its values.
+    """Make a job for each file that matches the pattern of the estimates, with its truth.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ def of_patterns(
     groups = groups_of((job.labels for job in jobs), [name for name in theirs if name not in own])
     known = {frozenset(job.labels.items()) for job in jobs}
     for values, group in itertools.product(truths, groups):
-        is_meant = not sequences or values["sequence"] in sequences
-        if is_meant and frozenset((values | group).items()) not in known:
+        is_chosen = not sequences or values["sequence"] in sequences
+        if is_chosen and frozenset((values | group).items()) not in known:
             paths = patterns.fill(truth, values), patterns.fill(estimate, values | group)
             lone, missing = map(os.path.join, folders, paths)
             faults.append(f"{lone}: there is no estimate {missing}")
@@ -218,7 +218,7 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Whether there are data, and the element of a cell in the file that the path may name."""
+    """Return whether there are data, and the element of a cell that the path may name."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -235,7 +235,7 @@ def of_layout(
     sequences: Collection[str] = (),
     output: str | None = None,
 ) -> BatchPlan:
-    """The jobs of the folders of a benchmark; of some sequences alone, if these are named.
+    """Make the jobs of the folders of a benchmark; only these sequences, if some are named.
 
     Raises
     ------
@@ -257,7 +257,7 @@ def of_layout(
 
 
 def layout_of(truth: str, trackers: str) -> str | None:
-    """The layout that two folders have, if it is one of these."""
+    """Return the layout that two folders have, if it is one of these."""
     for layout, shapes in LAYOUTS.items():
         if all(
             next(patterns.matching_paths(shape, folder), None)
@@ -268,7 +268,7 @@ def layout_of(truth: str, trackers: str) -> str | None:
 
 
 def _elsewhere(layout: str, shape: str, folder: str) -> str:
-    """What to say of a folder that is not laid out so: which one near it is."""
+    """Return a note on a folder with another layout: which folder near it has this one."""
     if not os.path.isdir(folder):
         return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
     near = []
@@ -283,7 +283,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
 
 
 def read_sequences(path: str) -> list[str]:
-    """The names of a seqmap: one a line, below the heading ``name``."""
+    """Read the names of a seqmap: one a line, below the heading ``name``."""
     names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
@@ -292,7 +292,7 @@ def read_sequences(path: str) -> list[str]:
 
 
 def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = None) -> BatchPlan:
-    """The same with the frames that a benchmark declares of each sequence.
+    """Add the frames that a benchmark declares for each sequence.
 
     Parameters
     ----------
@@ -310,32 +310,32 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
     """
     names = list(dict.fromkeys(job.labels["sequence"] for job in plan.jobs))
     if layout == "motchallenge":
-        found = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
+        frames = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
-        found = dict.fromkeys(names)
+        frames = dict.fromkeys(names)
         # The seqmap of the training sequences, or the only one.
         there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
         there = [path for path in there if path.endswith(".training")] or there
         for path in (seqmap, there[0] if len(there) == 1 else None):
-            missing = [name for name in names if found[name] is None]
-            found |= _frames_of_seqmap(path, missing) if path and missing else {}
-    missing = [name for name in names if found[name] is None]
+            missing = [name for name in names if frames[name] is None]
+            frames |= _frames_of_seqmap(path, missing) if path and missing else {}
+    missing = [name for name in names if frames[name] is None]
     notice = (
         f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: per step divides by the "
         "times of the truth's file"
     )
     return replace(
         plan,
-        jobs=tuple(replace(job, frames=found[job.labels["sequence"]]) for job in plan.jobs),
+        jobs=tuple(replace(job, frames=frames[job.labels["sequence"]]) for job in plan.jobs),
         notices=(*plan.notices, *([notice] if missing else ())),
     )
 
 
 def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
-    """Frames 1 to seqLength of MOTChallenge's description of a sequence; None if it has none."""
+    """Return frames 1 to seqLength of the description of a sequence; None if it has none."""
     if not os.path.lexists(path):
         return None
-    found = set()
+    ranges = set()
     for number, line in enumerate(decode(load(path), path).split("\n"), 1):
         named = re.fullmatch(r"\s*seqLength\s*[=:](.*)", line, re.IGNORECASE)
         if named is None:
@@ -346,18 +346,18 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
                 f"{path}, line {number}: seqLength is {quoted(named[1].strip())}; it must be the "
                 f"number of frames, 1 to {MAX_STEPS:,}"
             )
-        found.add((1, length))
-    if len(found) > 1:
+        ranges.add((1, length))
+    if len(ranges) > 1:
         raise InputError(f"{path}: seqLength is there twice, and differs")
-    return found.pop() if found else None
+    return ranges.pop() if ranges else None
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
-    """Frames of some sequences, of lines such as ``0000 empty 000000 000154``.
+    """Return frames of some sequences, of lines such as ``0000 empty 000000 000154``.
 
     The last number is no frame: the sequence 0000 of KITTI has 154, the frames 0 to 153.
     """
-    found: dict[str, tuple[int, int]] = {}
+    frames: dict[str, tuple[int, int]] = {}
     for number, words in enumerate(_words(path), 1):
         if len(words) < 4 or words[0] not in names:
             continue
@@ -367,18 +367,18 @@ def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int,
                 f"{path}, line {number}: {quoted(' '.join(words[2:4]))} must be the first frame "
                 f"and the one after the last, from 0 to {MAX_STEPS:,}, such as 000000 000154"
             )
-        if found.setdefault(words[0], (first, end - 1)) != (first, end - 1):
+        if frames.setdefault(words[0], (first, end - 1)) != (first, end - 1):
             raise InputError(f"{path}, line {number}: {words[0]} is there twice, and differs")
-    return found
+    return frames
 
 
 def _words(path: str) -> list[list[str]]:
-    """The words of each line of a seqmap."""
+    """Return the words of each line of a seqmap."""
     return [line.replace(",", " ").split() for line in decode(load(path), path).split("\n")]
 
 
 def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
-    """The rows of a table with the columns truth and estimate; others are labels, or options.
+    """Make jobs from a table with the columns truth and estimate; others are labels, or options.
 
     Parameters
     ----------
@@ -414,14 +414,14 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
         if not absent:
             jobs.append(job)
-    seen = set()
+    keys = set()
     for job in jobs:
         key = (*job.labels.items(), *job.options.items())
-        if key in seen:
+        if key in keys:
             raise InputError(
                 f"{path}: two rows are {quoted(job.title)}; a column tells them apart, such as run"
             )
-        seen.add(key)
+        keys.add(key)
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
 
 
@@ -432,7 +432,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Names of the runs, blank of a single one; the truth of each; by name the estimates of each.
+    """Return names of the runs, blank of a single one; the truth of each; estimates by name.
 
     Raises
     ------
@@ -463,23 +463,23 @@ def runs_in_memory(
 
 
 def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
-    """Sides by names that are texts.
+    """Return sides by names that are texts.
 
     Raises
     ------
     InputError
         Two have the same name as a text.
     """
-    found = {str(name): side for name, side in estimates.items()}
-    if len(found) < len(estimates):
+    sides = {str(name): side for name, side in estimates.items()}
+    if len(sides) < len(estimates):
         names = list(map(str, estimates))
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise InputError(f"two estimates are called {quoted(twice)}; give each its own name")
-    return found
+    return sides
 
 
 def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
-    """The jobs of sides in memory: of each run, and of each tracker where these have names.
+    """Make the jobs of data in memory: of each run, and of each tracker where these have names.
 
     Raises
     ------
@@ -518,16 +518,16 @@ Runs = list[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
 
 AS_FIELD = "{run}"
-"""What * is as a field."""
+"""Field that a * is read as."""
 
 
 def is_pattern(path: str) -> bool:
-    """Whether it stands for several files; the name of a file that exists stands for itself."""
+    """Return whether a name stands for several files; an existing file stands for itself."""
     return ("*" in path or bool(patterns.fields(path))) and not os.path.exists(path)
 
 
 def first_file(pattern: str) -> str | None:
-    """The first that a pattern stands for."""
+    """Return the first file that matches a pattern."""
     shape = pattern.replace("*", AS_FIELD, 1)
     return next((name for name, _ in patterns.matching_paths(shape, inside=runs_inside)), None)
 
@@ -535,7 +535,7 @@ def first_file(pattern: str) -> str | None:
 def compared_runs(
     truth: str, estimates: Sequence[str], output: str | None = None
 ) -> tuple[Runs, tuple[str, ...], tuple[str, ...]]:
-    """The files of each run, the estimates that they are of, and notices of what was passed over.
+    """Return the files of each run, the estimates of the runs, and notices of skipped files.
 
     A truth without a pattern is that of all runs. Fields that the truth does not have stand for
     several estimates. Names of existing files are no patterns.
@@ -558,8 +558,8 @@ def compared_runs(
     each: list[str] = []
     notices = _hidden(truth)
     for path in estimates:
-        others = [name for name in _fields(path) if name not in own]
-        if not others:
+        own_fields = [name for name in _fields(path) if name not in own]
+        if not own_fields:
             each.append(path)
             notices |= _hidden(path)
             continue
@@ -567,7 +567,7 @@ def compared_runs(
             path, output=output, truth=(truth, ""), inside=runs_inside
         )
         notices |= {why if why == patterns.DOTTED else text: text for why, text in left.items()}
-        groups = groups_of(_values(path, files, left.values()), others)
+        groups = groups_of(_values(path, files, left.values()), own_fields)
         for text in itertools.chain(*(group.values() for group in groups)):
             if own and patterns.fields(text):
                 raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
@@ -578,7 +578,7 @@ def compared_runs(
 
 
 def expand(truth: str, estimates: Sequence[str]) -> Runs:
-    """The files of each run: what a field stands for in one pattern stands in all.
+    """Expand patterns to the files of each run: a field has the same value in all patterns.
 
     Raises
     ------
@@ -616,28 +616,28 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
 
 
 def _file(path: str, values: Mapping[str, str]) -> str:
-    """The file of a run; a path that is no pattern is that of all."""
+    """Return the file of a run; a path that is no pattern is that of all."""
     return patterns.fill(_shape(path), values) if is_pattern(path) else path
 
 
 def _shape(pattern: str) -> str:
-    """The pattern with a field in place of its ``*``, unless it has fields."""
+    """Return the pattern with a field in place of its ``*``, unless it has fields."""
     return pattern if patterns.fields(pattern) else pattern.replace("*", AS_FIELD)
 
 
 def _fields(path: str) -> list[str]:
-    """The fields of a pattern; the name of a file that exists has none."""
+    """Return the fields of a pattern; the name of a file that exists has none."""
     return patterns.fields(path) if is_pattern(path) else []
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
+    """Return a notice of hidden files that a pattern skips: runs are the same in all."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
-    found = {why: text for why, text in left.items() if why == patterns.DOTTED}
+    dotted = {why: text for why, text in left.items() if why == patterns.DOTTED}
     star = not patterns.fields(pattern)
-    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
+    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in dotted.items()}
 
 
 def _values(
@@ -645,7 +645,7 @@ def _values(
     files: Iterable[tuple[str, Mapping[str, str]]] | None = None,
     notices: Iterable[str] = (),
 ) -> Iterator[Mapping[str, str]]:
-    """What the fields stand for in each file: in all that are like the pattern, or in these.
+    """Yield the values of the fields for each file that matches the pattern, or for these.
 
     Raises
     ------
@@ -653,26 +653,26 @@ def _values(
         No file is like the pattern, or one is in two ways.
     """
     shape = _shape(pattern)
-    found = list(patterns.matching_paths(shape, inside=runs_inside) if files is None else files)
-    if not found:
+    matches = list(patterns.matching_paths(shape, inside=runs_inside) if files is None else files)
+    if not matches:
         raise InputError(f"{pattern}: no such files", *notices)
-    for path, values in found:
+    for path, values in matches:
         if patterns.is_ambiguous(shape, path):
             raise InputError(f"{path}: the fields of {pattern} fit it in two ways")
         yield values
 
 
 def short_names(paths: Sequence[str]) -> list[str]:
-    """What each file is called: that part of its path in which it differs from the others.
+    """Return a short name for each file: the part of its path in which it differs.
 
     Raises
     ------
     ConfigError
         A file is there twice.
     """
-    seen: dict[str, str] = {}
+    by_real_path: dict[str, str] = {}
     for path in paths:
-        other = seen.setdefault(os.path.realpath(path), path)
+        other = by_real_path.setdefault(os.path.realpath(path), path)
         if other != path:
             raise ConfigError(f"{path}: is the same as {other}; name each estimate once")
     if len(set(paths)) < len(paths):
@@ -681,7 +681,7 @@ def short_names(paths: Sequence[str]) -> list[str]:
     parts = [Path(path).with_suffix("").parts for path in paths]
     if len(paths) == 1:
         return [parts[0][-1]]
-    for _ in range(2):  # what all have in common is left out at the beginning, then at the end
+    for _ in range(2):  # a common beginning is left out, then a common end
         levels = enumerate(zip(*parts, strict=False))
         same = next((k for k, names in levels if len(set(names)) > 1), min(map(len, parts)))
         parts = [part[same:][::-1] for part in parts]

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 
 
 def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
-    """Each step evaluated by itself, on the problem of a result.
+    """Evaluate each step by itself, on the problem of a result.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
-    switch = 2 * scale * parameters.switch_price  # gamma^p, where that is a double
+    switch = 2 * scale * parameters.switch_price  # gamma^p, unless it overflows
     entries, localisation, missed, false = per_step_gospa(problem)
     gospa = scale * (localisation + missed + false)
     track = partners(problem, entries)
@@ -116,7 +116,7 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
 
 
 def differences(document: Json, step: Json, steps: Sequence[int], order: float) -> Iterator[str]:
-    """Why the numbers of one estimate differ, a sentence each.
+    """Yield the reasons why the numbers of one estimate differ, a sentence each.
 
     Parameters
     ----------
@@ -177,12 +177,12 @@ def _count(number: float, word: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What a ranking needs of the evaluation of one estimate in one run.
+# Numbers of one estimate in one run, for a ranking.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunOutcome:
-    """What a ranking needs of the evaluation of one estimate in one run.
+    """Numbers of one estimate in one run, for a ranking.
 
     Parameters
     ----------
@@ -194,9 +194,9 @@ class RunOutcome:
         Misses, false targets, switches.
     steps : dict of (T,) float arrays
         Costs of each step, by part; and the values of other rules, by rule.
-    moments, times : (T,) array and list
+    timestamps, times : (T,) array and list
         The steps, as numbers and as they were read.
-    judged : mapping
+    evaluated_on : mapping
         What it was judged on, as `Coverage.record`.
     against : dict, optional
         Per-step GOSPA.
@@ -212,9 +212,9 @@ class RunOutcome:
     run: Json
     counts: dict[str, float]
     steps: dict[str, Floats]
-    moments: Times
+    timestamps: Times
     times: list[Time]
-    judged: Mapping[str, Any]
+    evaluated_on: Mapping[str, Any]
     against: Json | None = None
     split: Mapping[str, float] = field(default_factory=dict)
     nees: NeesSums | None = None
@@ -225,8 +225,8 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 """The runs of each estimate by its name; all have the same runs."""
 
 
-def outcome(path: str, result: PairEvaluation, moments: Times, *, per_step: bool) -> RunOutcome:
-    """What to keep of a result, so that the problem can go."""
+def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: bool) -> RunOutcome:
+    """Extract the numbers of a result, so that memory of its problem can be freed."""
     split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})
     parts: Json = {name: getattr(result, name) for name in PARTS}
@@ -235,9 +235,9 @@ def outcome(path: str, result: PairEvaluation, moments: Times, *, per_step: bool
         run=_run(result.total_bounds, parts, result.solver, result.input),
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
-        moments=moments,
+        timestamps=timestamps,
         times=result.labels.times,
-        judged=result.judged,
+        evaluated_on=result.judged,
         against=record,
         split=result.split_parts,
         nees=result.nees,
@@ -246,7 +246,7 @@ def outcome(path: str, result: PairEvaluation, moments: Times, *, per_step: bool
 
 
 def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
-    """A run as the document has it."""
+    """Return a run as the document has it."""
     return {
         "total": bounds[1],
         "total_lower": bounds[0],
@@ -258,7 +258,7 @@ def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) 
 
 
 def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunOutcome]:
-    """The same of saved results of one run, which are of the same truth.
+    """Return the outcomes of saved results of one run, which share a truth.
 
     Raises
     ------
@@ -267,34 +267,34 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
     """
     times = [[step["t"] for step in document["per_step"]] for document in documents]
     try:
-        moments = places_of_times(times)
+        timestamps = places_of_times(times)
     except TimeError as error:
         raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
-    found = []
-    for document, path, own, named in zip(documents, paths, moments, times, strict=True):
+    outcomes = []
+    for document, path, own, named in zip(documents, paths, timestamps, times, strict=True):
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
-        # The bounds of the total, from those of the value, rounded outward once more.
+        # The bounds of the total follow from those of the value, rounded outward once more.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
             outward(document["upper_bound"] ** order, 1),
         )
-        found.append(
+        outcomes.append(
             RunOutcome(
                 path=path,
                 run=_run(bounds, document, document["solver"], document["input"]),
                 counts=document["counts"],
                 steps={name: np.array([step[name] for step in steps], float) for name in PARTS},
-                moments=own,
+                timestamps=own,
                 times=named,
-                judged=document["judged"],
+                evaluated_on=document["judged"],
                 split={name: document[name] for name in SPLIT_PARTS if name in document},
                 nees=NeesSums.of_values(document),
                 summary=dict(flat(document.get(SUMMARY, {}))),
             )
         )
-    return found
+    return outcomes
 
 
 # -------------------------------------------------------------------------------------------------
@@ -302,29 +302,29 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 
 
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
-"""Of one run the times of the T steps that any of the N evaluations has; costs (N, T) by part, in
-``total``, and by rule, 0 at steps that one has not, for nothing is there; which steps each has."""
+"""Costs of one run: times of the T steps that any of N evaluations has; costs (N, T) by part, in
+``total``, and by rule, 0 at steps that one lacks; a mask (N, T) of the steps that each has."""
 
 
 def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
-    """The costs of the steps of each run."""
+    """Yield the costs of the steps of each run."""
     for outcomes in zip(*entrants.values(), strict=True):
-        moments = np.unique(np.concatenate([item.moments for item in outcomes]))
-        there = np.zeros((len(outcomes), len(moments)), bool)
+        timestamps = np.unique(np.concatenate([item.timestamps for item in outcomes]))
+        there = np.zeros((len(outcomes), len(timestamps)), bool)
         costs = {name: np.zeros(there.shape) for name in outcomes[0].steps}
         named: dict[int, Time] = {}
         for k, item in enumerate(outcomes):
-            at = np.searchsorted(moments, item.moments)
+            at = np.searchsorted(timestamps, item.timestamps)
             there[k, at] = True
             for name, values in item.steps.items():
                 costs[name][k, at] = values
             named = dict(zip(at.tolist(), item.times, strict=True)) | named
         costs["total"] = sum((costs[name] for name in PARTS), np.zeros(there.shape))
-        yield [named[k] for k in range(len(moments))], costs, there
+        yield [named[k] for k in range(len(timestamps))], costs, there
 
 
 def steps_columns(entrants: Entrants, best: str) -> Columns:
-    """Costs of each step, run, and estimate, and the differences to the best estimate's.
+    """Return costs of each step, run, and estimate, and the differences to the best estimate's.
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
     """
@@ -350,7 +350,7 @@ def steps_columns(entrants: Entrants, best: str) -> Columns:
 
 
 def steps_costs(entrants: Entrants) -> tuple[list[Time], dict[str, list[float]]]:
-    """Times, and the cost of each step by estimate, mean over runs.
+    """Return times, and the cost of each step by estimate, mean over runs.
 
     None where the runs differ in length; of runs with other times each the numbers of the steps.
     """
@@ -375,9 +375,9 @@ def ranking_document(
     truths: Sequence[str],
     parameters: Json,
     warnings: list[dict[str, str]],
-    others: Mapping[str, OtherMetrics],
+    other_metrics: Mapping[str, OtherMetrics],
 ) -> Json:
-    """The JSON document, the estimates in the order of their values.
+    """Return the JSON document, the estimates in the order of their values.
 
     Parameters
     ----------
@@ -389,7 +389,7 @@ def ranking_document(
         Every option that changes the number.
     warnings : list of dict
         What looks wrong with the data.
-    others : mapping of str to dict
+    other_metrics : mapping of str to dict
         Other metrics of all runs together, by the name of the estimate.
 
     Raises
@@ -399,11 +399,11 @@ def ranking_document(
     """
     for outcomes in zip(*entrants.values(), strict=True):
         both = zip(entrants, outcomes, strict=True)
-        wrong = incomparable({f"{name}, {item.path}": item.judged for name, item in both})
+        wrong = incomparable({f"{name}, {item.path}": item.evaluated_on for name, item in both})
         if wrong:
             raise ConfigError(f"no order: {wrong}; {judge_alike()}")
     names, order = list(entrants), parameters["order"]
-    steps = [max(item.judged["steps"], 1) for item in entrants[names[0]]]
+    steps = [max(item.evaluated_on["steps"], 1) for item in entrants[names[0]]]
     costs = {
         name: np.array([[item.run[name] for item in runs] for runs in entrants.values()], float)
         for name in ("total", "total_lower", *PARTS)
@@ -430,14 +430,14 @@ def ranking_document(
         runs = entrants[names[k]]
         own = {name: values[k] for name, values in costs.items()}
         item = _estimate(names[k], runs, own, steps, order) | {"place": list(place[k])}
-        if names[k] in others:
-            item["with"] = others[names[k]]
+        if names[k] in other_metrics:
+            item["with"] = other_metrics[names[k]]
         estimates.append(item)
     of_steps = [run["total"] for _, run, _ in side_by_side(entrants)]
     pairs: list[Json] = []
     for a, b in itertools.combinations(ranked, 2):
         difference = second_less_first(normal[a], normal[b])
-        # The second less the first, which has the smaller value.
+        # The difference is the second less the first, which has the smaller value.
         per_step: Json = {"total": [difference.lower, difference.upper]}
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
@@ -487,19 +487,19 @@ def ranking_document(
 
 
 def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
-    """What an order by a distance of covariances does not say: `estimates` are in this order."""
+    """Yield notices about a ranking by a distance of covariances: `estimates` are in its order."""
     for item in estimates:
         if item.get(NEES):
             for notice in NeesSums(**item[NEES]["sums"]).warnings(item.get(SPREAD)):
                 yield notice.about(item["name"])
     if len(estimates) < 2 or not all(MEAN in item for item in estimates):
         return
-    first, least = estimates[0], min(estimates, key=lambda item: float(item[MEAN]))
-    if least[MEAN] < first[MEAN] * (1 - EQUAL):
-        costs = (number(item[MEAN], 4) for item in (least, first))
+    first, best = estimates[0], min(estimates, key=lambda item: float(item[MEAN]))
+    if best[MEAN] < first[MEAN] * (1 - EQUAL):
+        costs = (number(item[MEAN], 4) for item in (best, first))
         yield Notice(
             code="order-by-covariances",
-            text=f"{least['name']} has smaller errors of means than {first['name']}, cost "
+            text=f"{best['name']} has smaller errors of means than {first['name']}, cost "
             f"{' against '.join(costs)}: covariances make this order",
             remedy=f"compare means and NEES as well, or {option('distance', 'euclidean')}",
         )
@@ -508,7 +508,7 @@ def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
 def _estimate(
     name: str, runs: Sequence[RunOutcome], costs: dict[str, Floats], steps: list[int], order: float
 ) -> Json:
-    """What the document has of one estimate; means over its runs, roots last."""
+    """Return the record of one estimate: means over its runs, roots last."""
     means = {part: float(values.mean()) for part, values in costs.items()}
     roots = {
         part: float((values.sum() / sum(steps)) ** (1 / order)) for part, values in costs.items()
@@ -547,13 +547,13 @@ def _estimate(
     return item
 
 
-def _means(found: Sequence[Json]) -> Json | None:
-    """The means of numbers by name, also of those in records inside; None of nothing."""
-    if not found:
+def _means(records: Sequence[Json]) -> Json | None:
+    """Average numbers by name, also those in records inside; None of nothing."""
+    if not records:
         return None
     means: Json = {}
-    for name, first in found[0].items():
-        each = [record[name] for record in found]
+    for name, first in records[0].items():
+        each = [record[name] for record in records]
         means[name] = _means(each) if isinstance(first, dict) else float(np.mean(each))
     return means
 
@@ -567,7 +567,7 @@ FIELDS_SHOWN = {**COMPARED, **BESIDE}
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Other metrics that all results of one run have; and a notice of those that are left out.
+    """Return other metrics that all results of one run have; and a notice of the rest.
 
     Those of several runs are ratios of counts over all of them, and cannot be had from the ratios
     of each.
@@ -577,26 +577,26 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
     shared = [
         name
         for name in first
-        if all(name in found and found[name].keys() == first[name].keys() for found in each)
+        if all(name in metrics and metrics[name].keys() == first[name].keys() for metrics in each)
         and first[name].keys() >= {*FIELDS_SHOWN.get(name, ())}
     ]
-    left_out = sorted({name for found in each for name in found} - {*shared, *BESIDE})
+    left_out = sorted({name for metrics in each for name in metrics} - {*shared, *BESIDE})
     notices = [
         Notice(text=f"not shown: {name}; it needs a single run, and all results of it")
         for name in left_out
     ]
-    return [{name: found[name] for name in shared} for found in each[: len(runs[0])]], notices
+    return [{name: metrics[name] for name in shared} for metrics in each[: len(runs[0])]], notices
 
 
 # -------------------------------------------------------------------------------------------------
 # The values of a label of a batch: a proven order, and beside it a statistical one.
 #
-# Compared are jobs that differ in that label alone, and of these only such as all its values have.
+# Only jobs that differ in that label alone are compared, and only those that all its values have.
 # The proven order is that of brackets of the combined value on these files; the statistical one is
 # about other truths like these (`statistics`).
 
 
-MOST_COMPARED = 100
+MAX_COMPARED = 100
 """Values of a label that are compared: all pairs of them are."""
 
 NOTHING = Interval(lower=0.0, upper=0.0)
@@ -608,7 +608,7 @@ Parameters = Mapping[str, float | str]
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
-    """A ranking for each set of parameters, or a sentence that says why there is none; warnings.
+    """Yield a ranking for each set of parameters, or the reason why there is none; and warnings.
 
     Parameters
     ----------
@@ -639,15 +639,15 @@ def _ranking(
         )
         return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
-    # Two with the same labels and truth: a manifest has changed, the older one is of the past.
+    # Of two jobs with the same labels and truth the manifest has changed: the newer one counts.
     part = part.sort_values("finished", kind="stable")
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
     if len(names) < 2:
         yield f"{label} has one value alone: there is nothing to rank"
         return
-    if len(names) > MOST_COMPARED:
-        yield f"{label} has {len(names):,} values: at most {MOST_COMPARED} are ranked"
+    if len(names) > MAX_COMPARED:
+        yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"
         return
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
@@ -690,7 +690,7 @@ Totals = tuple[Floats, Floats, Floats]
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Names, best first, and their totals of each truth, or of each job of one truth."""
+    """Return names, best first, and their totals of each truth, or of each job of one truth."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -701,7 +701,7 @@ def _side_by_side(
 
 
 def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
-    """Totals (names, jobs) and steps (jobs,) added up over the jobs of each truth, if several.
+    """Return totals (names, jobs) and steps (jobs,) added up over the jobs of each truth.
 
     They are in an order that no name of a sequence or run has a part in.
     """
@@ -720,7 +720,7 @@ def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Tota
 def _orders(
     common: "pd.DataFrame", column: str, names: Sequence[str], totals: Totals
 ) -> tuple[list[Json], list[Json]]:
-    """A row for each that is compared, and for each pair of them, as the JSON of a batch has them.
+    """Return a row for each estimate, and for each pair of them, as the JSON of a batch has them.
 
     Parameters
     ----------
@@ -781,7 +781,7 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Verdicts of all pairs, by their numbers, and places; `same` are those of the same data."""
+    """Return verdicts of all pairs, by their numbers, and places; `same` have the same data."""
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
         for pair in itertools.permutations(range(len(values)), 2)
@@ -790,7 +790,7 @@ def _proven(
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
-    """Brackets of the roots of the sums, divided by something before."""
+    """Return brackets of the roots of the sums, divided by something before."""
     lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
@@ -798,7 +798,7 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
 def _data(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[list[str]], Floats, Floats]:
-    """Digests of the estimates of each, in one order of the jobs, and bounds of their totals."""
+    """Return digests of the estimates of each, in one order of the jobs, and bounds of totals."""
     table = common.set_index(["_pair", column]).sort_index()
     sides = [
         table[end].unstack(column)[list(names)].to_numpy(float).T for end in statistics.TOTAL_ENDS
@@ -817,26 +817,26 @@ def _data(
 def _same(
     names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
 ) -> set[tuple[int, int]]:
-    """Pairs of numbers of those that have the same data, both ways round."""
+    """Return pairs of numbers of those that have the same data, both ways round."""
     brackets = [
         [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
         for ends in zip(lower.tolist(), upper.tolist(), strict=True)
     ]
     pairs = itertools.combinations(range(len(names)), 2)
-    found = [
+    same = [
         (a, b)
         for a, b in pairs
         if same_data((names[a], names[b]), (digests[a], digests[b]), (brackets[a], brackets[b]))
     ]
-    return {*found, *((b, a) for a, b in found)}
+    return {*same, *((b, a) for a, b in same)}
 
 
 UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
-"""What tests say of a pair where there are too few truths."""
+"""Tests of a pair where there are too few truths."""
 
 
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
-    """The difference of two values, with room for its interval; `before` begins the names."""
+    """Return the difference of two values, with room for its interval; `before` is a prefix."""
     difference = NOTHING if same else second_less_first(first, second)
     bracket = [difference.lower, difference.upper]
     return {f"{before}difference": bracket, f"{before}lower": None, f"{before}upper": None}
@@ -851,7 +851,7 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Intervals of the values, None of too few truths; those of differences are filled in.
+    """Return intervals of the values, None of too few truths; those of differences are filled in.
 
     Parameters
     ----------
@@ -870,7 +870,7 @@ def _with_intervals(
     """
     lower, upper, steps = totals
     per = steps if per_step else None
-    if lower.shape[1] < statistics.LEAST_PAIRS:
+    if lower.shape[1] < statistics.MIN_PAIRS:
         return [None] * len(lower)
     sure: list[Any] = np.stack(statistics.intervals(lower, upper, order, per), axis=1).tolist()
     first, second = np.triu_indices(len(lower), 1)
@@ -883,26 +883,26 @@ def _with_intervals(
 
 
 def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
-    """Places by tests of all pairs, None of too few truths; what they say of pairs is filled in.
+    """Rank by tests of all pairs, None of too few truths; results of pairs are filled in.
 
     One is ahead only of those from which it differs significantly. Arguments as of
     `_with_intervals`.
     """
     lower, upper, _ = totals
     size = len(lower)
-    if lower.shape[1] < statistics.LEAST_PAIRS:
+    if lower.shape[1] < statistics.MIN_PAIRS:
         return [None] * size
     if not comparisons:
         return [(1, 1)] * size
     first, second = np.triu_indices(size, 1)
-    least, most = lower[second] - upper[first], upper[second] - lower[first]
-    least[same] = most[same] = 0.0
-    p_value = statistics.p_values(least, most)
+    lowest, highest = lower[second] - upper[first], upper[second] - lower[first]
+    lowest[same] = highest[same] = 0.0
+    p_value = statistics.p_values(lowest, highest)
     adjusted = statistics.holm(p_value)
     significant = adjusted < 1 - statistics.CONFIDENCE
-    for row, *found in zip(
+    for row, *values in zip(
         comparisons, p_value.tolist(), adjusted.tolist(), significant.tolist(), strict=True
     ):
-        row |= dict(zip(UNTESTED, found, strict=True))
+        row |= dict(zip(UNTESTED, values, strict=True))
     ahead, behind = (np.bincount(side[significant], minlength=size) for side in (second, first))
     return list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))

@@ -37,7 +37,7 @@ Row = dict[str, Any]
 """Plain values by column; labels begin with ``label.``."""
 
 LABEL = "label."
-"""What the names of columns with labels begin with."""
+"""Beginning of the names of columns with labels."""
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
 """Columns with how many rows of each side are at none of the steps that were declared."""
@@ -50,7 +50,7 @@ STORED_SLICES = "slices"
 
 
 def row_of(result: Evaluation) -> Row:
-    """The numbers of a result that tables are made of."""
+    """Return the numbers of a result that tables are made of."""
     parameters = result.proof.parameters
     truth, estimates = result.objects
     return {
@@ -77,7 +77,7 @@ def row_of(result: Evaluation) -> Row:
 
 
 def row_to_judge(result: Evaluation) -> Row:
-    """The row that a gate judges or a store keeps, with those of classes evaluated apart."""
+    """Return the row that a gate judges or a store keeps, with those of classes."""
     parts = result.results if isinstance(result, EvaluationByClass) else {}
     return {
         **row_of(result),
@@ -90,7 +90,7 @@ def row_to_judge(result: Evaluation) -> Row:
 
 
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
-    """Sums of the parts of localisation, and of NEES, of rows that all have them."""
+    """Sum the parts of localisation, and NEES, over rows that all have them."""
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
     nees = NeesSums.joined(filter(None, each)) if all(each) else None
@@ -98,14 +98,14 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
 
 
 def stored_slices(result: Evaluation) -> dict[str, str]:
-    """What the row of a job has of its slices."""
-    if not result.sliced:
+    """Return the columns of slices in the row of a job."""
+    if not result.slicings:
         return {}
-    return {STORED_SLICES: json.dumps([one.record() for one in result.sliced])}
+    return {STORED_SLICES: json.dumps([one.record() for one in result.slicings])}
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
-    """What a job is told from others by: its labels, and options of its own."""
+    """Return the labels of a job, and options of its own."""
     labels = {
         str(name).removeprefix(LABEL): str(value)
         for name, value in row.items()
@@ -116,7 +116,7 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def job_name(row: Mapping[Any, Any]) -> str:
-    """A job in words: labels, or else its estimate, and options of its own.
+    """Return the name of a job: labels, or else its estimate, and options of its own.
 
     So a suite calls it whose fields are these labels.
     """
@@ -126,7 +126,7 @@ def job_name(row: Mapping[Any, Any]) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# What rows that were stored must be like.
+# Checks of stored rows.
 
 TOTALS = ("tgospa", "lower_bound", "upper_bound", "total", "total_lower", "total_upper")
 PER_STEP = "normalised.tgospa"
@@ -145,7 +145,7 @@ OF_VALUES: dict[str, FieldKind] = {
     **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
     "certified": FLAG,
     **{f"counts.{name}": COST for name in COUNTED_PARTS},
-    **{f"judged.{name}": kind for name, kind in saved.JUDGED.items()},
+    **{f"judged.{name}": kind for name, kind in saved.EVALUATED_ON.items()},
     **dict.fromkeys(("sizes.steps", "sizes.truth_states", "sizes.estimate_states"), COUNT),
     **{name: saved.PARAMETERS[name] for name in PARAMETER_COLUMNS},
     **dict.fromkeys(("parameters", "warnings"), TEXT),
@@ -194,7 +194,7 @@ AS_JSON = {
 def column_fault(
     table: "pa.Table", columns: Mapping[str, FieldKind], numbers: Ints | None = None
 ) -> str | None:
-    """The first of these columns that is missing or has another value, in words; None if none.
+    """Describe the first of these columns that is missing or has another value; None if all fit.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def column_fault(
 
 
 def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
-    """The row of the first value that does not fit; None if all fit."""
+    """Return the row of the first value that does not fit; None if all fit."""
     import pyarrow.types as types
 
     def is_number(kind: "pa.DataType") -> bool:
@@ -228,7 +228,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # kinds of numbers are ranges
+        values = column.to_numpy()  # numbers must be in ranges
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -236,7 +236,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
 
 
 def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
-    """Those of the columns that all or some jobs have, whatever their values."""
+    """Return the types of the columns that all or some jobs have, whatever their values."""
     begins = tuple(OF_SEVERAL)
     exact: dict[str, FieldKind] = OF_ALL | dict.fromkeys(OF_VALUES, ANYTHING) | OF_SOME
     return {
@@ -247,7 +247,7 @@ def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
 
 
 def part_fault(table: "pa.Table") -> str | None:
-    """The first row that lacks something or contradicts itself, in words; None if all are right."""
+    """Describe the first row that lacks something or contradicts itself; None if all are right."""
     wrong = column_fault(table, OF_ALL | known_columns(table))
     if wrong:
         return wrong
@@ -272,7 +272,7 @@ def part_fault(table: "pa.Table") -> str | None:
 def _contradictions(
     table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
 ) -> Iterator[tuple[int, str]]:
-    """Rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
+    """Yield rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
     parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
     names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
@@ -297,7 +297,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows that belong together: those that differ in nothing but the labels that are compared.
+# Rows that belong together differ only in the labels that are compared.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.coverage.digest`)."""
@@ -315,17 +315,17 @@ READ_AS_GIVEN = (
 
 
 def label_names(rows: "pd.DataFrame") -> list[str]:
-    """Names of the labels."""
+    """Return names of the labels."""
     return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
 
 
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Names of labels as columns beside others: one that is called like these keeps ``label.``."""
+    """Return names of labels as columns beside others: one of the same name keeps ``label.``."""
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
-    """The rows, and names of columns with parameters in which jobs that have a value differ.
+    """Return the rows, and names of columns with parameters in which jobs differ.
 
     Jobs in which these differ are never added up, nor compared. A parameter that a job does not
     have is a dash, and so is any of a job without a value.
@@ -334,10 +334,10 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
     differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
     if "parameters" not in having:
         return rows, differing
-    found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
-    names = {name for settings in found.values() for name in settings}
+    settings_of = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
+    names = {name for settings in settings_of.values() for name in settings}
     for name in sorted(names - {*PARAMETER_COLUMNS, *saved.ACCURACY, *READ_AS_GIVEN}):
-        shown = {text: in_words(settings.get(name)) for text, settings in found.items()}
+        shown = {text: in_words(settings.get(name)) for text, settings in settings_of.items()}
         if len(set(shown.values())) > 1:
             rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})
             differing.append(name)
@@ -345,7 +345,7 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
 
 
 def in_words(value: object) -> str:
-    """A parameter, as a table shows it."""
+    """Format a parameter for a table."""
     if isinstance(value, list):
         return ",".join(map(in_words, value))
     if isinstance(value, dict):
@@ -358,7 +358,7 @@ def in_words(value: object) -> str:
 
 
 def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
-    """What truth each job has: the digest of its data, or its path where there is none."""
+    """Return the truth of each job: the digest of its data, or its path where there is none."""
     import pandas as pd
 
     paths = rows["truth"]
@@ -376,7 +376,7 @@ def same_data(
     digests: tuple[Sequence[str], Sequence[str]],
     brackets: tuple[Sequence[Interval], Sequence[Interval]],
 ) -> bool:
-    """Whether two results that are judged alike are of the same estimates, so that both are equal.
+    """Return whether two results that are evaluated alike have the same estimates.
 
     Parameters
     ----------
@@ -411,7 +411,7 @@ def pair_numbers(
     *,
     truth: bool = True,
 ) -> "pd.Series[int]":
-    """A number for each job, the same for those that agree in truth, parameters and other labels.
+    """Return a number for each job, the same where truth, parameters and other labels agree.
 
     Parameters
     ----------
@@ -428,7 +428,7 @@ def pair_numbers(
     same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
     numbers = same.groupby(list(same), dropna=False).ngroup()
     own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
-    if own.duplicated().any():  # options of their own tell them apart
+    if own.duplicated().any():  # options of their own distinguish such jobs
         same = same.assign(_options=rows["options"])
         numbers = same.groupby(list(same), dropna=False).ngroup()
     return numbers

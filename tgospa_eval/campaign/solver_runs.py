@@ -47,13 +47,13 @@ RUN = (
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory", "entropic"),
 )
-"""What a run has; all but the first five are None, or empty, of one that failed."""
+"""Fields of a run; all but the first five are None, or empty, of one that failed."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
-"""Of Linux: what memory this process has, and what begins its peak anew."""
+"""Files of Linux: the memory of this process, and the one that begins its peak anew."""
 
 EXACT_STATES = 15_000
-"""Where the referee takes about a minute: states of one component.
+"""States of one component for which the referee takes about a minute.
 
 Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
 18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
@@ -61,7 +61,7 @@ Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 
 
 
 def called(solver: str, epsilon: float | None) -> str:
-    """Solver and temperature, in as many digits as it takes to differ from others."""
+    """Return the name of a solver, with as many digits of its temperature as it needs."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -73,15 +73,15 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
-def _run(solver: Solver, status: str, **found: object) -> Json:
-    """A run, as far as it is known."""
+def _run(solver: Solver, status: str, **values: object) -> Json:
+    """Return a run, as far as it is known."""
     about = {"name": name_of(solver), "solver": solver.name, "epsilon": solver.epsilon}
     nothing = {"finished": False, "counts": {}, "history": []}
-    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **found}
+    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **values}
 
 
 def failed(solver: Solver, error: BaseException) -> Json:
-    """What is left of a run whose solver raised."""
+    """Return the record of a run whose solver raised."""
     reason = str(error) if isinstance(error, TgospaError) else fault_of(error)
     return _run(solver, f"failed: {reason}")
 
@@ -122,13 +122,13 @@ def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None =
 
 
 def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
-    """The value of the regularised problem of a temperature, in units of the total."""
+    """Return the value of the regularised problem of a temperature, in units of the total."""
     if solver.epsilon is None:
         return None
     limit = Limit.of(getattr(solver, "time_limit", None), progress)
     scale, problem_units = prepared.parameters.scale, ("primal", "dual", "cost")
     trace = entropic_trace(prepared.states, solver.epsilon, limit.late)
-    history = [look | {name: scale * look[name] for name in problem_units} for look in trace]
+    history = [record | {name: scale * record[name] for name in problem_units} for record in trace]
     if not history:
         return None
     last = {name: history[-1][name] for name in ("sweep", "violation", *problem_units)}
@@ -136,13 +136,13 @@ def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Jso
 
 
 def memory(field: str) -> int | None:
-    """Bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
+    """Return bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
     try:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
         return None
-    found = next((line for line in lines if line.startswith(f"{field}:")), None)
-    return None if found is None else 1024 * int(found.split()[1])
+    line_of_field = next((line for line in lines if line.startswith(f"{field}:")), None)
+    return None if line_of_field is None else 1024 * int(line_of_field.split()[1])
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
@@ -157,13 +157,13 @@ def warm_up(solvers: Iterable[Solver]) -> None:
             distance=DISTANCES.ours("euclidean"),
             solver=solver,
         )
-        with suppress(Exception):  # what fails here fails again where it is recorded
+        with suppress(Exception):  # an error here comes again where it is recorded
             pair = fit(truth, estimate, request)
             solve(prepare(pair, request, stopwatch=Stopwatch()), solver, Stopwatch(), request)
 
 
 def takes_long(prepared: PreparedPair) -> int | None:
-    """Number of states if the referee would take more than a minute or so, else None."""
+    """Return the number of states if the referee would take more than about a minute, else None."""
     states = prepared.states
     sizes = np.bincount(
         states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
@@ -172,7 +172,7 @@ def takes_long(prepared: PreparedPair) -> int | None:
 
 
 def check_solvers(solvers: Sequence[Solver]) -> None:
-    """No solver may be there twice with the same settings, and sinkhorn needs its sweeps.
+    """Check that no solver is there twice with the same settings, and sinkhorn has its sweeps.
 
     Raises
     ------
@@ -186,8 +186,8 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
             "programme as certified, and no approximation to compare; choose certified,exact, or "
             "install with a C compiler at hand"
         )
-    seen = list(map(name_of, solvers))
-    twice = next((name for name in seen if seen.count(name) > 1), None)
+    names = list(map(name_of, solvers))
+    twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ConfigError(f"{twice} is given twice")
 
@@ -197,11 +197,11 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
 
 
 ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
-"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+"""Work that is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
 def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
-    """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    """Return pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
     proven = [(run["name"], bracket) for run in runs if (bracket := bracket_of(run))]
     return [
         (first, second)
@@ -211,13 +211,13 @@ def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
 
 
 def referee(runs: Sequence[Json]) -> Interval | None:
-    """What all runs together prove of the total: nothing where they contradict each other."""
+    """Intersect the brackets of all runs: None where they contradict each other."""
     proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
 
 def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
-    """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    """Bound the relative distances of both ends of a run above and below the total."""
     bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
@@ -225,14 +225,14 @@ def errors(run: Json, known: Interval | None) -> tuple[float | None, float | Non
 
 
 def entropic_error(value: float | None, known: Interval | None) -> float | None:
-    """How far an entropic value may at most be from the total, relative."""
+    """Return the largest possible relative error of an entropic value."""
     if value is None or known is None or known.lower <= 0:
         return None
     return max(known.upper - value, value - known.lower) / known.lower
 
 
 def bracket_of(run: Json) -> Interval | None:
-    """What a run proves of the total; None where it failed."""
+    """Return the bracket that a run proves for the total; None where it failed."""
     if run["total"] is None:
         return None
     return Interval(lower=run["total_lower"], upper=run["total"])
@@ -264,7 +264,7 @@ def compare_solvers(
         with progress.part(name_of(solver), number, len(solvers)):
             try:
                 runs.append(run_here(prepared, solver, progress))
-            except Exception as error:  # whatever it is, it must not cost what others have found
+            except Exception as error:  # no error may lose the results of other solvers
                 runs.append((failed(solver, error), None))
     return runs
 
@@ -276,7 +276,7 @@ def solvers_document(
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
 ) -> Json:
-    """The JSON document: the runs, with their errors against what all of them prove.
+    """Return the JSON document: the runs, with their errors against what all of them prove.
 
     Parameters
     ----------
@@ -327,8 +327,8 @@ def solvers_document(
 #
 # After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
 # error over the number of targets and over the number of steps. Every scene has a seed of its own,
-# made of the seed of the study, the size and the number of the run: what is added later leaves what
-# is there as it is.
+# made of the seed of the study, the size and the number of the run: later scenes leave the others
+# as they are.
 
 Key = tuple[int, int, int]
 """Targets, steps and number of a scene."""
@@ -347,7 +347,7 @@ OF_SCENE = ("targets", "steps", "run")
 
 
 def machine() -> str:
-    """On what the times were measured."""
+    """Describe the machine on which the times were measured."""
     return (
         f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, "
         f"Python {platform.python_version()}, NumPy {np.__version__}, {KERNEL} kernels"
@@ -356,7 +356,7 @@ def machine() -> str:
 
 @contextmanager
 def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
-    """The scenes that are stored below a folder, and what stores those of one more.
+    """Yield the scenes that are stored below a folder, and a function that stores one more.
 
     Raises
     ------
@@ -386,13 +386,13 @@ def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
 
 
 def _plain(rows: "pd.DataFrame") -> Iterator[Row]:
-    """Rows with None for what is not there."""
+    """Yield rows with None for what is not there."""
     for row in rows.to_dict("records"):
         yield {str(name): value if value == value else None for name, value in row.items()}
 
 
 def key_of(scene: Key, solver: Solver) -> str:
-    """The key of a row, in a store of one study."""
+    """Return the key of a row, in a store of one study."""
     return "/".join((*map(str, scene), name_of(solver)))
 
 
@@ -401,7 +401,7 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What is to be done.
+    """Scenes and solvers of a study.
 
     Parameters
     ----------
@@ -440,11 +440,11 @@ class Study:
             sizes = getattr(self, name)
             if len(set(sizes)) < len(sizes):
                 raise ConfigError(f"{name}: a number is given twice")
-            least = min(sizes)
-            if least < 1:
-                raise ConfigError(f"{name} is {least}: must be 1 or more")
+            smallest = min(sizes)
+            if smallest < 1:
+                raise ConfigError(f"{name} is {smallest}: must be 1 or more")
         for targets, steps in self.sizes:
-            replace(self.scene, targets=targets, steps=steps)  # which checks both together
+            replace(self.scene, targets=targets, steps=steps)  # checks both numbers together
 
     @property
     def sizes(self) -> list[Size]:
@@ -468,7 +468,7 @@ class Study:
         }
 
     def wanted(self) -> Iterator[Key]:
-        """Targets, steps and number of each scene: every size once before any a second time."""
+        """Yield targets, steps and number of each scene: every size once, then all again."""
         for run in range(1, self.runs + 1):
             for targets, steps in self.sizes:
                 yield targets, steps, run
@@ -480,7 +480,7 @@ def carry_out(
     keep: Keep = lambda _: None,
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[list[Row]]:
-    """The rows of all scenes that are wanted; those that are not known are made.
+    """Return the rows of all requested scenes; missing ones are made.
 
     Parameters
     ----------
@@ -509,7 +509,7 @@ def carry_out(
 
 
 def measure(study: Study, scene: Key) -> list[Row]:
-    """One scene through all solvers; what fails is a row, and does not stop the study."""
+    """Run one scene through all solvers; what fails is a row, and does not stop the study."""
     targets, steps, _ = scene
     rng = np.random.default_rng([study.seed, *scene])
     stopwatch = Stopwatch()
@@ -520,7 +520,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
-    except Exception as error:  # whatever it is: the other scenes are to be done
+    except Exception as error:  # no error may stop the other scenes
         runs: list[Run] = [(failed(solver, error), None) for solver in study.solvers]
     else:
         about["sizes.states"] = len(prepared.states.begin)
@@ -554,7 +554,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
 
 
 def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) -> Json:
-    """The JSON document: mean and spread of each size and solver."""
+    """Return the JSON document: mean and spread of each size and solver."""
     by_size: dict[str, list[list[Json]]] = {f"{m}/{steps}": [] for m, steps in study.sizes}
     opposed = []
     for rows in scenes:
@@ -570,19 +570,19 @@ def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) 
         **study.settings,
         "machine": machine,
         "runs": study.runs,
-        "sizes": [_size(size, found, study) for size, found in sizes],
+        "sizes": [_size(size, of_size, study) for size, of_size in sizes],
         "contradictions": opposed,
     }
 
 
 def _as_run(row: Row) -> Json:
-    """A row by the names of a run of a solver."""
+    """Return a row by the names of a run of a solver."""
     has = row["status"] != "failed"
     return {**row, "name": row[LABEL + "solver"], "total": row["total_upper"] if has else None}
 
 
 def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
-    """All scenes of one size; those whose brackets contradict each other have no part in means."""
+    """Return the record of a size; scenes whose brackets contradict each other are not in means."""
     sound = [runs for runs in scenes if not contradictions(runs)]
     best = [
         min(answered, key=itemgetter("total"))
@@ -613,11 +613,11 @@ def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
 def _solver(
     solver: Solver, scenes: Sequence[Sequence[Json]], sound: Sequence[Sequence[Json]], k: int
 ) -> Json:
-    """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
+    """Return the record of one solver and size; errors against the brackets of all solvers."""
     every = [runs[k] for runs in scenes]
     known = [(runs[k], referee(runs)) for runs in sound if runs[k]["total"] is not None]
-    found = [errors(run, total) for run, total in known]
-    above = [error for error, _ in found if error is not None]
+    ends = [errors(run, total) for run, total in known]
+    above = [error for error, _ in ends if error is not None]
     return {
         "name": name_of(solver),
         "solver": solver.name,
@@ -625,7 +625,7 @@ def _solver(
         "seconds": spread(run["seconds"] for run, _ in known),
         "error": spread(error for error in above if math.isfinite(error)),
         "infinite_errors": sum(map(math.isinf, above)),
-        "lower_error": spread(below for _, below in found),
+        "lower_error": spread(below for _, below in ends),
         "entropic_error": spread(entropic_error(run["entropic.dual"], own) for run, own in known),
         "entropic_cost_error": spread(
             entropic_error(run["entropic.cost"], own) for run, own in known
@@ -637,7 +637,7 @@ def _solver(
 
 
 def spread(values: Iterable[float | None]) -> Json:
-    """Mean, standard deviation (divisor n - 1) and largest of those that are there."""
+    """Return mean, standard deviation (divisor n - 1) and largest of those that are there."""
     numbers = np.array([value for value in values if value is not None], float)
     return {
         "mean": float(numbers.mean()) if len(numbers) else None,

@@ -1,4 +1,4 @@
-"""What is inferred from several jobs: intervals and tests of what other truths like these cost.
+"""Inference from several jobs: intervals and tests of the cost on other truths like these.
 
 What counts are truths, for jobs of one truth are not independent of each other, or the jobs where
 there is one truth alone.
@@ -27,11 +27,11 @@ PERMUTATION_SEED = 1
 CONFIDENCE = 0.95
 """Level of the intervals; tests are significant below what is left of 1."""
 
-LEAST_PAIRS = 6
-"""With fewer no two-sided p value can be below 0.05: the least is 2 / 2^n."""
+MIN_PAIRS = 6
+"""Pairs below which no two-sided p value can be below 0.05: the smallest is 2 / 2^n."""
 
 TIE = 1e-12
-"""Of the sum of all sizes: sums that differ by less are equal."""
+"""Tolerance relative to the sum of all sizes: sums that differ by less are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
 """Numbers that are exchanged at once."""
@@ -46,7 +46,7 @@ TOTAL_ENDS = ["total_lower", "total_upper"]
 def intervals(
     lower: Floats, upper: Floats, order: Floats | float, steps: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Intervals of combined values: Student's t of their logarithm, by the jackknife.
+    """Return intervals of combined values: Student's t of their logarithm, by the jackknife.
 
     Parameters
     ----------
@@ -62,22 +62,22 @@ def intervals(
     tuple of array, shape (rows,)
         Lower and upper ends.
     """
-    # Sorted, so that the order of the totals changes no bit.
+    # Totals are sorted, so that their order changes no bit of the sums.
     place = np.lexsort((upper, lower))
     lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
     per: Floats | float = 1.0
     if steps is not None:
         steps = np.take_along_axis(np.broadcast_to(steps, lower.shape), place, axis=1)
         per = steps.sum(axis=1, keepdims=True)
-    least, most = (
+    lower_value, upper_value = (
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # No totals deviate by more than one alone that is not 0: the bound where brackets are wide.
+    # The largest possible deviation is that of a single total above 0: it bounds wide brackets.
     size = lower.shape[1]
-    ratio = np.full(len(least), student(size) * np.sqrt(size / (size - 1)))
-    np.divide(margin, least, out=ratio, where=margin < ratio * least)
-    return least * np.exp(-ratio), most * np.exp(ratio)
+    ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
+    np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
+    return lower_value * np.exp(-ratio), upper_value * np.exp(ratio)
 
 
 FEW_EVENTS = 10
@@ -85,12 +85,12 @@ FEW_EVENTS = 10
 
 
 def rare_intervals(
-    lower: Floats, upper: Floats, order: float, usual: float
+    lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Intervals of root mean squares, also where few runs have a cost at all.
+    """Return intervals of root mean squares, also where few runs have a cost at all.
 
     Of fewer than `FEW_EVENTS` such runs it is that of their share (Clopper and Pearson 1934) times
-    what one costs: the smaller, and the larger, of the mean of these and of `usual`. Coverage by
+    what one costs: the smaller, and the larger, of the mean of these and of `typical`. Coverage by
     simulation: docs/theory/intervals.md.
 
     Parameters
@@ -99,7 +99,7 @@ def rare_intervals(
         Bounds of costs; n is at least 2.
     order : float
         The order p.
-    usual : float
+    typical : float
         Mean cost of a run that has some, at all times; NaN if none has.
 
     Returns
@@ -116,16 +116,18 @@ def rare_intervals(
     if not len(few):
         return low, high
     events, tail = count[few], (1 - CONFIDENCE) / 2
-    least = np.where(events > 0, betaincinv(np.maximum(events, 1), runs - events + 1, tail), 0.0)
-    most = betaincinv(events + 1, runs - events, 1 - tail)
-    own = np.where(events > 0, upper[few].sum(axis=1) / np.maximum(events, 1), usual)
-    low[few] = (least * np.minimum(own, usual)) ** (1 / order)
-    high[few] = (most * np.maximum(own, usual)) ** (1 / order)
+    lower_share = np.where(
+        events > 0, betaincinv(np.maximum(events, 1), runs - events + 1, tail), 0.0
+    )
+    upper_share = betaincinv(events + 1, runs - events, 1 - tail)
+    own = np.where(events > 0, upper[few].sum(axis=1) / np.maximum(events, 1), typical)
+    low[few] = (lower_share * np.minimum(own, typical)) ** (1 / order)
+    high[few] = (upper_share * np.maximum(own, typical)) ** (1 / order)
     return low, high
 
 
 def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
-    """Combined values of all totals but one, brought to the number of all; or those per step.
+    """Return the combined values without each total, scaled to the number of all; or per step.
 
     Parameters
     ----------
@@ -141,16 +143,16 @@ def without_each(totals: Floats, order: Floats | float, steps: Floats | None = N
     array, shape (rows, n)
     """
     size = totals.shape[1]
-    others = np.maximum(totals.sum(axis=1, keepdims=True) - totals, 0.0)
+    rest = np.maximum(totals.sum(axis=1, keepdims=True) - totals, 0.0)
     share: Floats | float = size / (size - 1)
     if steps is not None:
         share = 1 / np.maximum(steps.sum(axis=-1, keepdims=True) - steps, 1.0)
-    found: Floats = (others * share) ** (1 / order)
-    return found
+    values: Floats = (rest * share) ** (1 / order)
+    return values
 
 
 def margins(lower: Floats, upper: Floats) -> Floats:
-    """Half widths of intervals of values, by Student's t and the jackknife.
+    """Return half widths of intervals of values, by Student's t and the jackknife.
 
     Parameters
     ----------
@@ -164,21 +166,21 @@ def margins(lower: Floats, upper: Floats) -> Floats:
     """
     size = lower.shape[-1]
     middle, half = (lower + upper) / 2, (upper - lower) / 2
-    apart = middle - middle.mean(axis=-1, keepdims=True)
-    norm = np.linalg.norm(apart, axis=-1) + np.linalg.norm(half, axis=-1)
-    found: Floats = student(size) * np.sqrt((size - 1) / size) * norm
-    return found
+    deviation = middle - middle.mean(axis=-1, keepdims=True)
+    norm = np.linalg.norm(deviation, axis=-1) + np.linalg.norm(half, axis=-1)
+    widths: Floats = student(size) * np.sqrt((size - 1) / size) * norm
+    return widths
 
 
 def student(pairs: int) -> float:
-    """Quantile of Student's t, two-sided, of so many pairs."""
+    """Return the quantile of Student's t, two-sided, of so many pairs."""
     from scipy.special import stdtrit  # lazy: slow to import
 
     return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
 
 
 def p_values(lower: Floats, upper: Floats) -> Floats:
-    """Two-sided p values of sums of differences, under flips of their signs.
+    """Return two-sided p values of sums of differences, under flips of their signs.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ are on the side whose sum is tested; 0 for differences of pairs, whose signs can
 
 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
-    """One-sided p values that sums are too large, under all exchanges or, of many, drawn ones.
+    """Return one-sided p values of too large sums, under all exchanges or many random ones.
 
     The statistic is the sum of the first side less that of the other, brought to as many values;
     strata are added up. SciPy has this for one stratum, and without allowance for rounding.
@@ -220,37 +222,37 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
     """
     signs = [_signs(len(values), first) for values, first in strata]
     observed = sum(row @ values for row, (values, _) in zip(signs, strata, strict=True))
-    least = observed - TIE * size
+    threshold = observed - TIE * size
     if math.prod(exchanges(len(values), first) for values, first in strata) <= PERMUTATIONS:
         each = (_all_exchanges(len(values), first) @ values for values, first in strata)
         sums = reduce(lambda a, b: (a[:, None] + b).reshape(-1, b.shape[1]), each)
-        shares: Floats = np.count_nonzero(sums >= least, axis=0) / len(sums)
+        shares: Floats = np.count_nonzero(sums >= threshold, axis=0) / len(sums)
         return shares
     rng, above = np.random.default_rng(PERMUTATION_SEED), np.zeros(strata[0][0].shape[1])
     for draws in _portions(PERMUTATIONS, sum(map(len, signs))):
-        drawn = (
-            _drawn(draws, row, first, rng) @ values
+        sampled = (
+            _sampled(draws, row, first, rng) @ values
             for row, (values, first) in zip(signs, strata, strict=True)
         )
-        above += np.count_nonzero(sum(drawn) >= least, axis=0)
-    # The data as they are is one of the exchanges: drawn ones may lack it.
-    drawn_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
-    return drawn_shares
+        above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
+    # The data themselves are one of the exchanges, which random ones may lack.
+    sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
+    return sampled_shares
 
 
 def exchanges(count: int, first: int) -> int:
-    """How many exchanges there are of so many values."""
+    """Return the number of exchanges of so many values."""
     return math.comb(count, first) if first else 1 << count
 
 
 def _signs(count: int, first: int) -> Floats:
-    """The share of each value in the statistic, as the data are."""
-    others = -first / (count - first) if first else 1.0
-    return np.concatenate([np.ones(first), np.full(count - first, others)])
+    """Return the share of each value in the statistic, as the data are."""
+    other = -first / (count - first) if first else 1.0
+    return np.concatenate([np.ones(first), np.full(count - first, other)])
 
 
 def _all_exchanges(count: int, first: int) -> Floats:
-    """The same under every exchange, a row for each."""
+    """Return the statistics under every exchange, a row for each."""
     if not first:
         numbers = np.arange(1 << count)[:, None] >> np.arange(count)
         return np.where(numbers & 1, -1.0, 1.0)
@@ -260,8 +262,8 @@ def _all_exchanges(count: int, first: int) -> Floats:
     return rows
 
 
-def _drawn(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
-    """The same under so many random exchanges."""
+def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
+    """Return the statistics under so many random exchanges."""
     count = len(signs)
     if first == 1:
         rows = np.full((draws, count), signs[-1])
@@ -274,31 +276,31 @@ def _drawn(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> F
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """How many of so many draws of so many numbers are made at a time."""
+    """Yield how many draws of so many numbers are made at a time."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """How many flips are tried: all, if they are no more; none of too few."""
-    return 0 if pairs < LEAST_PAIRS else min(1 << pairs, PERMUTATIONS)
+    """Return how many flips are tried: at most all, and none of too few."""
+    return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """P values adjusted for their number (Holm 1979), with weights if some, in the order given."""
+    """Adjust p values for their number (Holm 1979), with weights if some, in the order given."""
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
     left = np.cumsum(shares[order][::-1])[::-1]
     adjusted = np.maximum.accumulate(p_values[order] / shares[order] * left)
-    found = np.empty(len(p_values))
-    found[order] = np.minimum(1.0, adjusted)
-    return found
+    result = np.empty(len(p_values))
+    result[order] = np.minimum(1.0, adjusted)
+    return result
 
 
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Intervals of the combined values of groups, NaN for those that are too small.
+    """Return intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
     ----------
@@ -322,12 +324,12 @@ def confidence(
     frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
     frame["_steps"] = having["judged.steps"].clip(lower=1)
     sums = frame.groupby(["_group", "_unit"])[[*TOTAL_ENDS, "_steps"]].sum()
-    found = np.full((4, len(orders)), np.nan)
+    ends = np.full((4, len(orders)), np.nan)
     numbers, begins, counts = np.unique(
         sums.index.get_level_values("_group"), return_index=True, return_counts=True
     )
-    # Those of one size are worked out together.
-    for size in np.unique(counts[counts >= LEAST_PAIRS]):
+    # Groups of one size are computed together.
+    for size in np.unique(counts[counts >= MIN_PAIRS]):
         of_size = np.flatnonzero(counts == size)
         units = begins[of_size][:, None] + np.arange(size)
         lower, upper, steps = (
@@ -335,6 +337,6 @@ def confidence(
         )
         groups_of = numbers[of_size]
         order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
-        found[:2, groups_of] = intervals(lower, upper, order)
-        found[2:, groups_of] = intervals(lower, upper, order, steps)
-    return pd.DataFrame(found.T, columns=OF_INTERVALS, index=orders.index)
+        ends[:2, groups_of] = intervals(lower, upper, order)
+        ends[2:, groups_of] = intervals(lower, upper, order, steps)
+    return pd.DataFrame(ends.T, columns=OF_INTERVALS, index=orders.index)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Where the row of a job has its steps by column, on its way from a worker to the store."""
+"""Field of a row with the steps of a job by column, on its way from a worker to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
@@ -72,7 +72,7 @@ OF_SOME_STEPS = dict.fromkeys(
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
 ANEW = "delete the file, and batch does its jobs again"
-"""What to do with a part that is wrong."""
+"""Remedy for a part that is wrong."""
 
 
 @contextmanager
@@ -95,7 +95,7 @@ def read_part(path: Path) -> Iterator[None]:
 
 
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
-    """What the row of a job says of its steps; with them, where they are asked for.
+    """Return the steps of a job as columns of its row, if they are requested.
 
     These are, by column: the times as they were read; how many steps of the horizon are no later
     than each; costs, in state units to the power p; and value of the steps up to each by
@@ -121,7 +121,7 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
 
 
 def step_table(rows: Sequence[Row]) -> "pa.Table | None":
-    """The steps of all jobs that have some, one job below the other."""
+    """Return the steps of all jobs that have some, one job below the other."""
     import pyarrow as pa
 
     having = [row for row in rows if row.get(STORED_STEPS)]
@@ -143,7 +143,7 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
 
 
 def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-    """The steps of the jobs of these rows; None if none has any.
+    """Read the steps of the jobs of these rows; None if none has any.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
             if wrong:
                 raise ValueError(wrong)
             table = read.select([*OF_STEPS, *some]).to_pandas()
-            # A job is looked up once, where it begins.
+            # A job is searched once, where it begins.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
                 raise ValueError("the steps of a job are not in order")
@@ -194,13 +194,13 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
 
 
 def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
-    """Jobs whose steps contradict each other or their row, and how."""
+    """Yield jobs whose steps contradict each other or their row, and how."""
     with np.errstate(over="ignore"):
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:
         own = rows.loc[sums.index, name]
-        apart = (sums[name] - own).abs() > ADD_UP * own + TINY
-        for job in sums.index[apart]:
+        differs = (sums[name] - own).abs() > ADD_UP * own + TINY
+        for job in sums.index[differs]:
             yield job, f"{name} sums to {sums[name][job]:.15g}, but the job has {own[job]:.15g}"
     order = rows["order"].reindex(steps["job"]).to_numpy()
     value, lower, upper = (steps[name].to_numpy(float) for name in CURVE_COLUMNS)
@@ -267,7 +267,8 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
     def opened(name: str) -> Any:
         with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
-            return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
+            # NFS gives shared locks only on files that can be read.
+            return stack.enter_context((folder / name).open("a+"))
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
     at, size = (0, ALL_BYTES) if count == 1 else (byte, 1)
@@ -294,7 +295,7 @@ PART_FOLDER = "jobs"
 
 
 def is_store(path: str | None) -> bool:
-    """Whether it is the folder of a batch."""
+    """Return whether a path is the folder of a batch."""
     return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
 
 
@@ -317,7 +318,7 @@ class Store:
             ) from None
 
     def open(self, settings: Mapping[str, Any]) -> None:
-        """Begin, or go on with the same settings.
+        """Begin a store, or go on with the same settings.
 
         Raises
         ------
@@ -333,7 +334,7 @@ class Store:
                         f"{option('output', self.folder, short=True)}: is not empty, and no "
                         "batch; name another folder"
                     )
-                # Several shards may begin at once: all write the same, and who is later looks.
+                # Several shards may begin at once: all write the same, and later ones compare.
                 with writing(path, option("output", self.folder, short=True)) as beside:
                     beside.write_text(
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
@@ -354,7 +355,7 @@ class Store:
             )
 
     def settings(self) -> dict[str, Any]:
-        """What was evaluated, and how.
+        """Return the settings of the evaluation.
 
         Raises
         ------
@@ -369,7 +370,7 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """One row for each job, done before failed and the last of these, in the order of labels.
+        """Return one row for each job, done before failed and the last of these, by labels.
 
         Raises
         ------
@@ -382,7 +383,7 @@ class Store:
 
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            # Of one file, without the search for a dataset, which takes longer than reading.
+            # A single file is opened, as the search for a dataset takes longer than reading.
             with read_part(path), pq.ParquetFile(path) as file:
                 part = file.read().replace_schema_metadata()
                 wrong = part_fault(part)
@@ -391,18 +392,18 @@ class Store:
             tables.append(part.select(list(known_columns(part))))
         if not tables:
             return pd.DataFrame(columns=["key", "status"])
-        # Parts of failed jobs alone lack columns.
+        # Parts with only failed jobs lack columns.
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
-        # A file that changed since has another key: its older row is one of the past.
+        # A file that changed since has another key, so its older row no longer counts.
         same = [*labels, "truth", "estimate", "options"]
-        found: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
-        found["_done"] = found["status"] == "done"
-        found = found.sort_values(["_done", "finished"], kind="stable")
-        found = found.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
-        found = found.drop_duplicates(same, keep="last")
-        kept = found.sort_values(labels or "key", kind="stable").index
+        latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
+        latest["_done"] = latest["status"] == "done"
+        latest = latest.sort_values(["_done", "finished"], kind="stable")
+        latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
+        latest = latest.drop_duplicates(same, keep="last")
+        kept = latest.sort_values(labels or "key", kind="stable").index
         # All columns, which are many, are taken once.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
@@ -420,10 +421,10 @@ class Store:
 
         if not rows:
             return
-        # A name that no other has, later than all before.
+        # The name is unique and sorts after all earlier ones.
         name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
-        # First, so that no job is known whose steps are not there.
+        # Steps are written first, so that no known job lacks its steps.
         if steps is not None:
             self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
         names = dict.fromkeys(name for row in rows for name in row if name != STEPS)
@@ -438,7 +439,7 @@ class Store:
             write(beside)
 
     def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-        """The steps of the jobs of these rows; None if none has any.
+        """Read the steps of the jobs of these rows; None if none has any.
 
         Raises
         ------

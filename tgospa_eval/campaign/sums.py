@@ -56,17 +56,17 @@ if TYPE_CHECKING:
 
 
 WITH_PREFIX = "with."
-"""What columns of other metrics begin with."""
+"""Beginning of columns of other metrics."""
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
-    """The metrics that are stored, in the order of their columns."""
+    """Return the metrics that are stored, in the order of their columns."""
     inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
 
 def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
-    """Numbers of a group of rows, by the names of their columns.
+    """Return numbers of a group of rows, by the names of their columns.
 
     Matches are counted over all rows, and what is a ratio is one of these sums; costs of GOSPA are
     added. Those of one row are as they are.
@@ -85,22 +85,22 @@ def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
     from tgospa_eval.evaluation.request import chosen_metrics
 
     names = [str(name) for name in rows.columns]
-    asked = chosen_metrics(metrics_of(names))
-    found = [
+    metrics = chosen_metrics(metrics_of(names))
+    records = [
         {str(name).removeprefix(WITH_PREFIX): value for name, value in row.items()}
         for row in rows.to_dict("records")
     ]
     numbers: dict[str, Any] = {}
-    ratios = [name for name in asked if name in METRIC_FIELDS]
+    ratios = [name for name in metrics if name in METRIC_FIELDS]
     if ratios:
-        if len(found) == 1:
+        if len(records) == 1:
             record: OtherMetrics = {
-                name: {key: found[0][f"{name}.{key}"] for key in METRIC_FIELDS[name]}
+                name: {key: records[0][f"{name}.{key}"] for key in METRIC_FIELDS[name]}
                 for name in ratios
             }
         else:
-            zero = found[0]["similarity.zero"]
-            record = joined([of_sums(row, ratios, zero) for row in found])
+            zero = records[0]["similarity.zero"]
+            record = joined([of_sums(row, ratios, zero) for row in records])
         numbers |= {
             f"{WITH_PREFIX}{name}.{key}": float(record[name][key])
             for name in ratios
@@ -121,11 +121,11 @@ SUMS = (
 )  # fmt: skip
 
 ENDS = ("", "_lower", "_upper")
-"""Of the names of a value and its bounds."""
+"""Ends of the names of a value and its bounds."""
 
 
 def check_labels(by: Sequence[str], known: Collection[str]) -> None:
-    """Whether there are labels of these names.
+    """Check that there are labels of these names.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
 
 
 def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
-    """All tables of a batch: groups, and the order of the values of the first label.
+    """Return all tables of a batch: groups, and the order of the values of the first label.
 
     A group has labels (one that is called like another column keeps its ``label.``), parameters
     that differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there are
@@ -169,7 +169,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     rows, parameters = with_parameters(rows)
     filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
-    # Of a job without value the parameters are not known.
+    # The parameters of a job without value are not known.
     heads, numbers = _groups(having if parameters else filled, by, parameters)
     own = numbers.loc[having.index]
     orders = having["order"].groupby(own).first()
@@ -178,14 +178,14 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     table["expected"] = _expected(having if parameters else filled, numbers, by, parameters)
     names = [name for name in having.columns if str(name).startswith(f"{SUMMARY}.")]
     if names:
-        found = {
+        numbers_of = {
             key: pooled({name: group[name].to_numpy(float) for name in names})
             for key, group in having.groupby(own)
         }
-        table = table.join(pd.DataFrame.from_dict(found, orient="index"))
+        table = table.join(pd.DataFrame.from_dict(numbers_of, orient="index"))
     if metrics_of(having.columns) or STORED_NEES in having or MEAN in having:
-        found = {name: joined_metrics(group) for name, group in having.groupby(own)}
-        table = table.join(pd.DataFrame.from_dict(found, orient="index"))
+        numbers_of = {name: joined_metrics(group) for name, group in having.groupby(own)}
+        table = table.join(pd.DataFrame.from_dict(numbers_of, orient="index"))
     if roots:
         for end in ENDS:
             values = having["total" + end] ** (1 / having["order"])
@@ -203,35 +203,35 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
-        slices=sliced_groups(having, numbers),
+        slices=slices_of_groups(having, numbers),
     )
 
 
 def _groups(
     rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]
 ) -> tuple["pd.DataFrame", "pd.Series[int]"]:
-    """What tells groups apart, digits in labels in the order of numbers; the group of each row."""
+    """Return the groups, digits in labels in the order of numbers, and the group of each row."""
     import pandas as pd
 
     keys = [*(LABEL + name for name in by), *differing]
     if not keys:
         return pd.DataFrame(index=[0]), pd.Series(0, index=rows.index)
-    found = rows[keys].drop_duplicates()
-    heads = list(found.itertuples(index=False, name=None))
+    groups = rows[keys].drop_duplicates()
+    heads = list(groups.itertuples(index=False, name=None))
 
     def place(k: int) -> tuple[Any, ...]:
         head = heads[k]
         return (*(natural(str(value)) for value in head[: len(by)]), *head[len(by) :])
 
-    found = found.iloc[sorted(range(len(heads)), key=place)].reset_index(drop=True)
-    numbers = rows[keys].merge(found.reset_index(names="_group"), "left", keys)["_group"]
-    return found, numbers.set_axis(rows.index)
+    groups = groups.iloc[sorted(range(len(heads)), key=place)].reset_index(drop=True)
+    numbers = rows[keys].merge(groups.reset_index(names="_group"), "left", keys)["_group"]
+    return groups, numbers.set_axis(rows.index)
 
 
 def _summed(
     having: "pd.DataFrame", numbers: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Sums over the jobs of each group, and their roots."""
+    """Sum over the jobs of each group, with roots."""
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
@@ -251,7 +251,7 @@ def _summed(
 def _expected(
     rows: "pd.DataFrame", numbers: "pd.Series[int]", by: Sequence[str], differing: Sequence[str]
 ) -> Any:
-    """How many jobs each group would have, had it what those have that are like it.
+    """Return the number of jobs that each group would have if it were like groups similar to it.
 
     These are groups with a truth in common, or all groups where each has one truth alone.
 
@@ -262,8 +262,8 @@ def _expected(
     import numpy as np
 
     counts = np.bincount(numbers)
-    alone = truths(rows).groupby(numbers).nunique().max() == 1
-    pairs = pair_numbers(rows, by, differing, truth=not alone).to_numpy()
+    one_truth = truths(rows).groupby(numbers).nunique().max() == 1
+    pairs = pair_numbers(rows, by, differing, truth=not one_truth).to_numpy()
     size = len(counts) + int(pairs.max()) + 1
     parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
     alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
@@ -271,23 +271,23 @@ def _expected(
 
 
 def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
-    """What looks wrong with the data of jobs: a line a kind, with how many jobs and the first."""
+    """Yield warnings about the data of jobs: a line a kind, with how many jobs and the first."""
     if "warnings" not in rows:
         return
-    told: dict[str, list[tuple[str, Notice]]] = {}
+    by_code: dict[str, list[tuple[str, Notice]]] = {}
     having = rows[rows["warnings"].notna()]
     for row in having[having["warnings"] != "[]"].to_dict("records"):
         notices = {record["code"]: Notice(**record) for record in json.loads(row["warnings"])[::-1]}
         for code, notice in notices.items():
-            told.setdefault(code, []).append((job_name(row), notice))
-    for jobs in told.values():
+            by_code.setdefault(code, []).append((job_name(row), notice))
+    for jobs in by_code.values():
         name, notice = jobs[0]
-        others = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
-        yield f"warning: {name}{others if len(jobs) > 1 else ''}: {notice.sentence}"
+        rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
+        yield f"warning: {name}{rest if len(jobs) > 1 else ''}: {notice.sentence}"
 
 
-def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
-    """The sums of each group that has slices, by its number.
+def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
+    """Return the sums of each group that has slices, by its number.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int
 # doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
-"""Of the bootstrap."""
+"""Settings of the bootstrap."""
 
 BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
 """Ends of bands."""
@@ -323,7 +323,7 @@ BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
 BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 """Draws that are at either end of a band, or outside."""
 
-MOST_BANDED = 20_000
+MAX_BANDED = 20_000
 """Times with bands, of runs that have few in common."""
 
 Bounds = tuple[Sequence[float], Sequence[float]]
@@ -331,13 +331,13 @@ Bounds = tuple[Sequence[float], Sequence[float]]
 Line = tuple[list[float], Band | None]
 """Root mean squares, and what is around them; None where there are too few runs."""
 
-LEAST_RUNS: Mapping[BandKind, int] = {
-    "interval": statistics.LEAST_PAIRS,
-    "bootstrap": statistics.LEAST_PAIRS,
+MIN_RUNS: Mapping[BandKind, int] = {
+    "interval": statistics.MIN_PAIRS,
+    "bootstrap": statistics.MIN_PAIRS,
     "percentiles": 2,
     "deviation": 2,
 }
-"""With fewer there are no bands."""
+"""Runs below which there are no bands."""
 
 
 def rms_curves(
@@ -347,7 +347,7 @@ def rms_curves(
     band: BandKind = "interval",
     over: str | None = None,
 ) -> tuple[list[RmsCurve], list[str]]:
-    """The curves of each group of jobs whose steps are stored, and what is to be told of them.
+    """Return the curves of each group of jobs whose steps are stored, and messages about them.
 
     Parameters
     ----------
@@ -374,7 +374,7 @@ def rms_curves(
     number = np.full(int(rows.index.max()) + 1, -1)
     number[valued.index] = grouped.ngroup()
     parts: dict[Any, pd.DataFrame] = dict(iter(steps.groupby(number[steps["job"]])))
-    found: list[RmsCurve] = []
+    curves: list[RmsCurve] = []
     notes: dict[str, list[str]] = {}
     for k, (_, group) in enumerate(grouped):
         if k not in parts:
@@ -382,13 +382,13 @@ def rms_curves(
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         about: list[str] = []
-        # A run without any step has nothing at all times.
+        # A run without any step counts with cost 0 at all times.
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
             made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
             for kind, runs, lines, means, bounds in made:
-                found.append(
+                curves.append(
                     RmsCurve(
                         group=labels,
                         kind=kind,
@@ -408,7 +408,7 @@ def rms_curves(
             about.append(f"of {missing} no steps are stored, and these do not count")
         for text in about:
             notes.setdefault(text, []).append("/".join(labels.values()) or "all jobs")
-    return found, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
+    return curves, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
 
 
 def _curves(
@@ -418,22 +418,22 @@ def _curves(
     shown: tuple[BandKind, str | None],
     notes: list[str],
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
-    """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
+    """Yield the curves of these jobs, whose steps these are, and note messages about them."""
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
         notes.append(
             "the runs have no time in common: t is the time since the start of each run, and a run "
             f"counts up to its last step; {option('over', 'stamps')} keeps its stamps"
         )
-    elif runs.apart:
-        bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
+    elif runs.is_scattered:
+        bands = f"; more than {MAX_BANDED:,} times have no bands" if runs.many else ""
         notes.append(
             "at most times half of the runs or fewer have a step, and the others count with "
             f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
         )
     else:
         inside = _running(runs.place, runs.slices, len(runs.times))[-1]
-        if not runs.alone and 2 * inside < runs.count:
+        if not runs.own_span and 2 * inside < runs.count:
             notes.append(
                 f"at the last time {inside} of {runs.count} runs go on: others count with cost 0, "
                 f"without objects; {option('over', 'stamps')} counts each from its first step to "
@@ -459,14 +459,14 @@ def _curves(
     }
     yield "step", runs, each, _means(runs), None
     yield "cumulative", runs, so_far, {}, None
-    traced = steps[steps[store.CURVE_COLUMNS[0]].notna()]
-    if not len(traced):
+    with_curve = steps[steps[store.CURVE_COLUMNS[0]].notna()]
+    if not len(with_curve):
         return
-    having = np.isin(jobs, traced["job"]) | ~np.isin(jobs, steps["job"])
+    having = np.isin(jobs, with_curve["job"]) | ~np.isin(jobs, steps["job"])
     if not having.all():
         missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
         notes.append(f"{missing} have no values of the steps up to each step")
-    runs = _Runs(traced, jobs[having], order, *shown)
+    runs = _Runs(with_curve, jobs[having], order, *shown)
     powers = [[value**order for value in own] for own in runs.columns(store.CURVE_COLUMNS).tolist()]
     value, lower, upper = np.array(powers)
     lines = {"total": runs.line(value, (lower, upper), carried=True)}
@@ -477,39 +477,39 @@ def _curves(
 
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
-    """Cardinality, detection rate and NEES at each time; NaN where there is nothing."""
+    """Return cardinality, detection rate and NEES at each time; NaN where there is nothing."""
     sums = {name: runs.sums(row, carried=False) for name, row in runs.known(store.STATE_COLUMNS)}
-    found: dict[str, Floats] = {}
+    means: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         if len(sums) >= len(store.STATE_COLUMNS):
             truth, _, assigned = (sums[name] for name in store.STATE_COLUMNS)
-            found = {name: sums[name] / runs.present for name in store.STATE_COLUMNS[:2]}
-            found["detection_rate"] = assigned / truth
+            means = {name: sums[name] / runs.present for name in store.STATE_COLUMNS[:2]}
+            means["detection_rate"] = assigned / truth
         if runs.nees is not None:
-            found[NEES] = runs.nees[0] / runs.nees[1]
-    return {name: values.tolist() for name, values in found.items()}
+            means[NEES] = runs.nees[0] / runs.nees[1]
+    return {name: values.tolist() for name, values in means.items()}
 
 
-def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, usual: float) -> Floats:
-    """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
+def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: float) -> Floats:
+    """Return the band (2, K) of costs (N, K) of runs that are between these bounds."""
     root = 1 / order
     if kind == "interval":
-        return np.stack(statistics.rare_intervals(lower.T, upper.T, order, usual))
+        return np.stack(statistics.rare_intervals(lower.T, upper.T, order, typical))
     if kind == "bootstrap":
-        least = _resampled(lower)
-        most = least if upper is lower else _resampled(upper)
-        return np.stack([least[BAND_TAIL - 1], most[-BAND_TAIL]]) ** root
+        low_end = _resampled(lower)
+        high_end = low_end if upper is lower else _resampled(upper)
+        return np.stack([low_end[BAND_TAIL - 1], high_end[-BAND_TAIL]]) ** root
     low, high = lower**root, upper**root
     if kind == "percentiles":
         levels = zip((low, high), BAND_LEVELS, strict=True)
         return np.stack([np.quantile(values, level, axis=0) for values, level in levels])
-    least, most = (side.mean(axis=0) ** root for side in (lower, upper))
-    least, most = least - low.std(axis=0, ddof=1), most + high.std(axis=0, ddof=1)
-    return np.stack([np.maximum(least, 0.0), most])
+    low_end, high_end = (side.mean(axis=0) ** root for side in (lower, upper))
+    low_end, high_end = low_end - low.std(axis=0, ddof=1), high_end + high.std(axis=0, ddof=1)
+    return np.stack([np.maximum(low_end, 0.0), high_end])
 
 
 def _resampled(costs: Floats) -> Floats:
-    """Means of costs (N, K) of runs that are drawn with replacement, sorted."""
+    """Return sorted means of costs (N, K) of runs that are drawn with replacement."""
     runs, rng = len(costs), np.random.default_rng(BAND_SEED)
     draws = max(1, statistics.NUMBERS_AT_ONCE // runs)
     means = np.concatenate(
@@ -546,35 +546,35 @@ class _Runs:
         read = [_as_read(text) for text in texts]
         (place,) = places([read])
         run, place = np.searchsorted(jobs, steps["job"]), place[codes]
-        self.over, self.alone = over, over is not None
+        self.over, self.own_span = over, over is not None
         by_run = np.lexsort((place, run))
         begins = np.flatnonzero(np.diff(run[by_run], prepend=-1)).tolist()
         self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
         at_once = _running(place[by_run], self.slices, len(read))
         if over is None and 2 * at_once.max() <= len(begins):
-            self.over, self.alone = "start", True
-        if self.over == "start":  # which leaves the order of the steps of a run
+            self.over, self.own_span = "start", True
+        if self.over == "start":  # this keeps the order of the steps of a run
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
         self.order, self.band = order, band
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
-        # Of equal times, as 1 and 1.0, that of the first run is shown.
+        # Equal times such as 1 and 1.0 are shown as in the first run.
         first = by_run[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
         self.divisor = np.maximum(self.columns(["steps"])[0], 1)
         size = len(self.times)
         self.present = np.full(size, self.count)
-        if self.alone:
+        if self.own_span:
             self.present = _running(self.place, self.slices, size)
 
     def columns(self, names: Sequence[str]) -> Floats:
-        """Columns (M, R) of the steps."""
+        """Return columns (M, R) of the steps."""
         return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     def known(self, names: Sequence[str]) -> Iterator[tuple[str, Floats]]:
-        """Those of the columns (R,) that all steps have."""
+        """Yield those of the columns (R,) that all steps have."""
         for name in names:
             if name in self.steps and self.steps[name].notna().all():
                 yield name, self.columns([name])[0]
@@ -588,8 +588,8 @@ class _Runs:
         return self.sums(total, carried=False), self.sums(pairs, carried=False)
 
     @cached_property
-    def apart(self) -> bool:
-        """Whether most times within several runs are steps of half of these or fewer."""
+    def is_scattered(self) -> bool:
+        """True if most times within several runs are steps of half of these or fewer."""
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
         having = np.bincount(self.place, minlength=size)[inside > 1]
@@ -598,56 +598,58 @@ class _Runs:
 
     @property
     def many(self) -> bool:
-        """Whether bands, which take runs by times instead of rows, would take too long."""
-        return self.apart and len(self.times) > MOST_BANDED
+        """True if bands, which take runs by times instead of rows, would take too long."""
+        return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
-        """Sums of the costs (M, R) up to each step, by the steps of the horizon up to it."""
-        found = np.empty_like(costs)
+        """Return sums of the costs (M, R) up to each step, by the steps of the horizon up to it."""
+        sums = np.empty_like(costs)
         for own in self.slices:
-            np.cumsum(costs[:, own], axis=1, out=found[:, own])
-        found /= self.divisor
-        return found
+            np.cumsum(costs[:, own], axis=1, out=sums[:, own])
+        sums /= self.divisor
+        return sums
 
     def sums(self, costs: Floats, *, carried: bool) -> Floats:
-        """Sums over the runs, from the first to the last, of costs (R,) at each time.
+        """Return sums over the runs, from the first to the last, of costs (R,) at each time.
 
         Where they are `carried` a run has at each time that of its last step up to it.
         """
         size = len(self.times)
-        found = np.zeros(size)
+        totals = np.zeros(size)
         for own in self.slices:
             place = self.place[own]
             if carried:
-                end = place[-1] + 1 if self.alone else size
-                found[place[0] : end] += np.repeat(costs[own], np.diff(place, append=end))
+                end = place[-1] + 1 if self.own_span else size
+                totals[place[0] : end] += np.repeat(costs[own], np.diff(place, append=end))
             else:
-                found[place] += costs[own]
-        return found
+                totals[place] += costs[own]
+        return totals
 
     def rms(self, costs: Floats, *, carried: bool) -> list[float]:
-        """Root mean squares over the runs of costs (R,) at each time."""
+        """Return root mean squares over the runs of costs (R,) at each time."""
         means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
         return [cost ** (1 / self.order) for cost in means.tolist()]
 
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
+        """Return root mean squares of costs (R,) at rows, with the band of costs between bounds."""
         band = None
-        if self.count >= LEAST_RUNS[self.band] and not self.many:
+        if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
-            usual = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
+            typical = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
             for row, there, within in self.cells(carried=carried):
                 cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
-                found = np.full((2, row.shape[1]), np.nan)
+                ends_of_cells = np.full((2, row.shape[1]), np.nan)
                 cuts = np.flatnonzero((within[:, 1:] != within[:, :-1]).any(axis=0)) + 1
                 for begin, end in pairwise([0, *cuts.tolist(), row.shape[1]]):
                     own = within[:, begin]
-                    if np.count_nonzero(own) >= LEAST_RUNS[self.band]:
+                    if np.count_nonzero(own) >= MIN_RUNS[self.band]:
                         some = [side[own, begin:end] for side in cells]
-                        found[:, begin:end] = _band(self.band, some[0], some[-1], self.order, usual)
-                ends.append(found)
+                        ends_of_cells[:, begin:end] = _band(
+                            self.band, some[0], some[-1], self.order, typical
+                        )
+                ends.append(ends_of_cells)
             low, high = (
                 [None if value != value else value for value in side]
                 for side in np.concatenate(ends, axis=1).tolist()
@@ -656,14 +658,14 @@ class _Runs:
         return self.rms(costs, carried=carried), band
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
-        """Of some times after the others the steps (N, K) of all runs, and whether there are such.
+        """Yield, for one batch of times after the other, the steps (N, K) of all runs and a mask.
 
         Where they are `carried` a run has at each time its last step up to it. The last array says
         which runs count.
         """
         ends = np.array([[0, len(self.times)]] * self.count)
-        if self.alone:
-            ends[:] = (1, 0)  # of runs without steps
+        if self.own_span:
+            ends[:] = (1, 0)  # an empty range, for runs without steps
             for own in self.slices:
                 ends[self.run[own.start]] = self.place[[own.start, own.stop - 1]]
         size = len(self.times)
@@ -679,7 +681,7 @@ class _Runs:
 
 
 def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
-    """How many runs, each with its places in order, are between their first and last (size,)."""
+    """Count the runs, each with its places in order, that are between their ends (size,)."""
     change = np.zeros(size + 1, np.int64)
     for own in runs:
         change[place[own.start]] += 1
@@ -688,7 +690,7 @@ def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
 
 
 def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
-    """Times of steps since the first step of their run, in seconds or the unit of the stamps."""
+    """Return times since the first step of their run, in seconds or the unit of the stamps."""
     times = parse_times(list(map(str, read)), floats)
     value = times.value[codes]
     first = np.full(runs, value.max(), value.dtype)
@@ -698,11 +700,11 @@ def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Flo
 
 
 DIGITS_OF_TIMES = 9
-"""Of seconds since a start: those of differences of decimals beyond are rounding."""
+"""Decimals of seconds since a start: differences of decimals are rounded to these."""
 
 
 def _as_read(text: str) -> Time:
-    """A time of which the text is stored."""
+    """Return a time of which the text is stored."""
     for kind in (int, float):
         try:
             return kind(text)

@@ -51,7 +51,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     done, mark = os.pipe()
     passed_on = {getattr(signal, name) for name in PASSED_ON}
-    signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)  # until there is a child to pass them on to
+    signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)  # signals wait until a child exists
     try:
         child = os.fork()
     except OSError:
@@ -83,7 +83,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
     if finished or status == interrupted:
         return status
     if status < 0 and signal.Signals(-status).name not in FATAL:
-        with suppress(OSError):  # of the two that have no handler
+        with suppress(OSError):  # two of the signals cannot have a handler
             signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
     print_notice(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
@@ -91,7 +91,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
 
 
 def _limit() -> int | None:
-    """Bytes that the process may take, if there is a limit."""
+    """Return bytes that the process may take, if there is a limit."""
     if sys.platform == "win32":
         return None
     import resource
@@ -107,7 +107,7 @@ Python cost 3 % of a small evaluation, and 4 % of one with pictures."""
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the status of docs/reference/cli.md."""
-    # Memory goes with the process: to look through all modules for cycles first takes as long as
+    # Memory is freed with the process: to search all modules for cycles first takes as long as
     # a small evaluation.
     atexit.register(gc.freeze)
     if arguments is None:  # a process of its own
@@ -132,9 +132,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     status: int | None
     try:
         status = _invoke(None if arguments is None else list(arguments))
-        if interrupted():  # what was left behind in compiled code is not waited for
+        if interrupted():  # does not wait for threads that are still in compiled code
             _end_interrupted()
-    except SystemExit:  # click's own, with 1, where a pipe has no reader
+    except SystemExit:  # click exits with 1 where a pipe has no reader
         status = 0
     except TgospaError as error:
         print_notices(str(error))
@@ -157,7 +157,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _print_lacking(error: Exception) -> int:
-    """What the system does not give is no fault of ours, even if unforeseen; the status."""
+    """Report what the system does not give, which is no fault of ours; return the status."""
     if is_of_memory(error):
         print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
@@ -178,21 +178,21 @@ def _end_interrupted() -> None:
 
 def _invoke(arguments: list[str] | None) -> int | None:
     """Run the command line, seeing to it that what it prints arrives."""
-    if sys.stderr is None:  # or the next file that is opened is taken for it
+    if sys.stderr is None:  # otherwise the next file that is opened takes its number
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     check_stdout()
     try:
         status: int | None = cli.main(
             args=arguments, prog_name="tgospa-eval", standalone_mode=False
         )
-    except OSError as error:  # of the help, which click prints
+    except OSError as error:  # click prints the help and may fail
         check_written(error)
         raise
     return status
 
 
 def _print_internal(error: Exception) -> None:
-    """The traceback of a fault of ours, and a sentence."""
+    """Print the traceback of a fault of ours, and a sentence."""
     import traceback  # lazy: there should be none
 
     print_notices("".join(traceback.format_exception(error)).rstrip("\n"))

@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""What it has of the options of everything that evaluates."""
+"""Options of an evaluation that this verb has."""
 
 _output = partial(Option, section="Output")
 
@@ -103,10 +103,10 @@ def command(
     options |= {"force": force}
     request = Request.of(of_pairs(options))
     output, taken = click_builder.OutputOptions.of(options), [a, b]
-    asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
-    files = {name: path for name, path in asked.items() if path}
+    requested = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
+    files = {name: path for name, path in requested.items() if path}
     for name, path in files.items():
-        check_file(path, name, force=force, others=taken)
+        check_file(path, name, force=force, inputs=taken)
         taken.append(path)
     wanted = probed(output, ASSOCIATION, "associate")
     resolved = resolve_request(request)
@@ -114,58 +114,64 @@ def command(
     def work(resources: "Resources") -> "tuple[Association, dict[str, str]]":
         sides = read_states((a, b), resolved, ("--a-format", "--b-format"), quiet=output.quiet)
         every = "--cost-matrix" in files
-        found = associate_sides(resolved, sides, (a, b), resources, all_pairs=every)
-        make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
-        return found, {name: csv_text(make[name]()) for name in files}
+        association = associate_sides(resolved, sides, (a, b), resources, all_pairs=every)
+        make = {
+            "--cost-matrix": association.costs_table,
+            "--cross-cov": association.cross_covariances_table,
+        }
+        return association, {name: csv_text(make[name]()) for name in files}
 
-    found, texts = run_with_effort(work, request.jobs, quiet=output.quiet)
+    association, texts = run_with_resources(work, request.jobs, quiet=output.quiet)
     for name, path in files.items():
         write_file(path, texts[name], name)
     used = settings_field(output.config)
     shown = {
-        "table": lambda: association_text(found),
-        "json": lambda: json_text(_document(found, resolved) | used),
-        "csv": lambda: csv_text(found.associations_table()),
+        "table": lambda: association_text(association),
+        "json": lambda: json_text(_document(association, resolved) | used),
+        "csv": lambda: csv_text(association.associations_table()),
     }
     write_output(
         output,
         ASSOCIATION,
-        lambda _: {"associate.json": shown["json"](), **association_files(found, (a, b), wanted)},
+        lambda _: {
+            "associate.json": shown["json"](),
+            **association_files(association, (a, b), wanted),
+        },
     )
     emit(shown[output.format_](), output.format_)
 
 
-def _document(found: "Association", resolved: "ResolvedRequest") -> "Json":
-    """The document of ``associate``."""
+def _document(association: "Association", resolved: "ResolvedRequest") -> "Json":
+    """Return the document of ``associate``."""
     from tgospa_eval.results.records import records
 
-    columns = found.first.columns
+    columns = association.first.columns
     return {
         "schema": "tgospa-eval/associate/1",
         "version": __version__,
         "parameters": {
-            "cutoff": found.cutoff,
-            "distance": found.distance.name,
-            **found.distance.settings(columns),
+            "cutoff": association.cutoff,
+            "distance": association.distance.name,
+            **association.distance.settings(columns),
             "columns": list(columns),
             **resolved.evaluation.time_matching.recorded,
             **resolved.recorded,
         },
         "counts": {
-            "steps": len(found.first.times),
-            "associated": int(found.chosen.sum()),
-            "alone_a": found.unassigned[0],
-            "alone_b": found.unassigned[1],
+            "steps": len(association.first.times),
+            "associated": int(association.chosen.sum()),
+            "alone_a": association.unassigned[0],
+            "alone_b": association.unassigned[1],
         },
-        "total": found.total,
-        "associations": records(found.associations_table()),
+        "total": association.total,
+        "associations": records(association.associations_table()),
     }
 
 
 def read_states(
     paths: tuple[str, ...], resolved: "ResolvedRequest", formats: tuple[str, ...], *, quiet: bool
 ) -> "tuple[Reading, ...]":
-    """The states of sensors: the role of challenge formats is that of results.
+    """Read the states of sensors: the role of challenge formats is that of results.
 
     `formats` are the options that name the formats; messages know those of truth and estimate.
     """
@@ -176,9 +182,9 @@ def read_states(
     try:
         sides = read_pair(resolved, *paths, roles=("estimate",) * len(paths))
     except InputError as error:
-        usual = "(--truth-format, --estimate-format)"
+        generic = "(--truth-format, --estimate-format)"
         way = f"({', '.join(formats)})"
-        raise InputError(*(line.replace(usual, way) for line in error.args)) from None
+        raise InputError(*(line.replace(generic, way) for line in error.args)) from None
     notify = notifier(quiet=quiet)
     for path, side, name in zip(paths, sides, formats, strict=True):
         for notice in about(path, side):
@@ -186,7 +192,7 @@ def read_states(
     return sides
 
 
-def run_with_effort(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
+def run_with_resources(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
     """Do work that takes so many threads, and show how far it is."""
     from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Resources

@@ -89,7 +89,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if done.page:
         try:
             _write(done.store, tables, output)
-        except ConfigError as error:  # the rows are stored in any case
+        except ConfigError as error:  # the rows are stored already
             print_notice(f"the page is not written: {error}")
     for text in () if output.quiet else done.notices:
         print_notice(text)
@@ -107,18 +107,18 @@ def _write(store: "Store", tables: "BatchTables", output: click_builder.OutputOp
         The folder cannot be written.
     """
     from tgospa_eval.api.batch import batch_files
-    from tgospa_eval.cli.shared.writing import drawn_pictures, write_output
+    from tgospa_eval.cli.shared.writing import drawable_pictures, write_output
     from tgospa_eval.show.files import BATCH
 
     folder = output.output
     if folder is None or not len(tables.rows):
         return
-    wanted = drawn_pictures(output)
+    wanted = drawable_pictures(output)
     write_output(output, BATCH, lambda notify: batch_files(store, tables, folder, wanted, notify))
 
 
 def _check_typed(ctx: click.Context) -> None:
-    """Whether all options are for what is stored.
+    """Check that all options are for what is stored.
 
     Raises
     ------

@@ -104,22 +104,22 @@ def command(
     from tgospa_eval.show.result_text import explanation_document
 
     if output is not None:
-        others = truth, estimate
-        ending = check_file(output, "-o", force=force, others=others, endings=TABLES)
+        inputs = truth, estimate
+        ending = check_file(output, "-o", force=force, inputs=inputs, suffixes=TABLES)
     request, shown = (
         Request.of(options | dict.fromkeys(LEFT_ASIDE)),
         click_builder.OutputOptions.of(options),
     )
     result, finished = evaluate_files(truth, estimate, request, shown)
-    found = explained(result, shown, max(top, apply))
+    explanation = explained(result, shown, max(top, apply))
     if output is not None:
         try:
-            repaired = found.repaired(apply)
+            repaired = explanation.repaired(apply)
         except ConfigError as error:
             raise ConfigError(f"--apply {apply}: {error}; nothing is written") from None
         write_file(output, TABLES[ending](repaired), "-o")
         if not shown.quiet:
-            text = found.repairs[apply - 1].text
+            text = explanation.repairs[apply - 1].text
             print_notice(f"wrote {output}: the estimate with repair {apply}, {text}")
             if (request.truth_crs, request.estimate_crs) != (None, None):
                 frame = "enu" if "x" in repaired.columns else ",".join(repaired.columns)
@@ -128,5 +128,5 @@ def command(
                     f"--estimate-crs {frame}, without --unit-scale and --estimate-scale"
                 )
     makers = explanation_document, Explanation.to_json, Explanation.columns
-    emit(rendered(shown.format_, found, *makers), shown.format_)
+    emit(rendered(shown.format_, explanation, *makers), shown.format_)
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tgospa_eval.results.evaluation import Evaluation
 
 TYPED = "tgospa_eval.typed"
-"""Under this name the context keeps the arguments as they were typed."""
+"""Key of the context for the arguments as they were typed."""
 
 AGAINST = "TGOSPA_EVAL_AGAINST"
 
@@ -51,7 +51,7 @@ class Gate(Verb):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep them, then parse them."""
         ctx.meta[TYPED] = tuple(args)
-        with suppress(click.UsageError, ConfigError):  # which are raised again
+        with suppress(click.UsageError, ConfigError):  # the same errors are raised again
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
             if where:
@@ -101,7 +101,7 @@ def command(
     Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
     baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
-    asked = {
+    given = {
         **options,
         "evaluation": {name: options[name] for name in NAMES.values()},
         "sources": {
@@ -115,7 +115,7 @@ def command(
     if ctx.meta.get(IGNORED) and not output.quiet:
         names = ", ".join(ctx.meta[IGNORED])
         print_notice(f"{names}: ignored, {options['against']} judges")
-    ctx.exit(_run(GateOptions.of(asked), truth, estimate, output))
+    ctx.exit(_run(GateOptions.of(given), truth, estimate, output))
 
 
 def _run(
@@ -168,7 +168,7 @@ def _run(
             version=__version__,
             settings_file=gate.config,
         )
-        if output.format_ != "table":  # who reads it from a file finds out as well
+        if output.format_ != "table":  # readers of a file see the warning too
             emit(GATE_REPORTS[output.format_](report), output.format_)
         over = isinstance(error, OverInputError)
         _publish(replace(gate, junit=None) if over else gate, report)
@@ -178,7 +178,7 @@ def _run(
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
-    # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
+    # Files are written first: a full disk behind stdout must not lose the report or the verdict.
     status = worst((report.status, _publish(gate, report)))
     try:
         emit(_printed(report, output.format_), output.format_)
@@ -189,7 +189,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """The report for stdout; a table in the columns that there are."""
+    """Return the report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.rendering import WIDTH
 
@@ -199,7 +199,7 @@ def _printed(report: "Report", format: str) -> str:
 
 
 def _publish(gate: GateOptions, report: "Report") -> int:
-    """Files, annotations and step summary; 2 if one cannot be written, else 0.
+    """Write files, annotations and step summary; return 2 if one cannot be written, else 0.
 
     What cannot be written must not cost the report, nor hide a regression.
     """

@@ -67,8 +67,8 @@ def command(
         from tgospa_eval.show.files import check_file
         from tgospa_eval.show.style import FILES, MISSING, available
 
-        endings = [f".{kind}" for kind in FILES]
-        ending = check_file(plot, "--plot", force=True, others=paths, endings=endings)
+        suffixes = [f".{kind}" for kind in FILES]
+        ending = check_file(plot, "--plot", force=True, inputs=paths, suffixes=suffixes)
         if not available():
             raise ConfigError(MISSING)
     resolved, stopwatch = resolve_request(request), Stopwatch()
@@ -77,17 +77,17 @@ def command(
         with stopwatch.span("read"):
             sides = read_pair(resolved, *paths)
         if len(sides) == 1:
-            fitted, asked = None, resolved.request(sides[0].trajectories.columns)
+            fitted, evaluation_request = None, resolved.request(sides[0].trajectories.columns)
         else:
-            fitted, asked = align_sides(resolved, sides, paths)
+            fitted, evaluation_request = align_sides(resolved, sides, paths)
         if plot is not None:
-            seen = [side.trajectories for side in sides] if fitted is None else fitted.read
-            sides_seen = list(zip(paths, seen, strict=True))
-            _write_picture(plot, ending[1:], output.style, sides_seen, request.unit or "")
+            shown = [side.trajectories for side in sides] if fitted is None else fitted.read
+            shown_sides = list(zip(paths, shown, strict=True))
+            _write_picture(plot, ending[1:], output.style, shown_sides, request.unit or "")
             if not output.quiet:
                 print_notice(f"picture in {plot}")
-        found = inspect(list(zip(paths, sides, strict=True)), fitted, asked)
-        return {**found, **settings_field(output.config)}
+        document = inspect(list(zip(paths, sides, strict=True)), fitted, evaluation_request)
+        return {**document, **settings_field(output.config)}
 
     document = run(work, stopwatch, show=not output.quiet)
     emit((json_text if output.format_ == "json" else table)(document), output.format_)

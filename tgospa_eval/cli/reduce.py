@@ -6,7 +6,7 @@ import click
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import Request
-from tgospa_eval.cli.associate import read_states, run_with_effort
+from tgospa_eval.cli.associate import read_states, run_with_resources
 from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 
@@ -63,7 +63,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.show.result_text import reduction_text
 
     request, output = Request.of(options), click_builder.OutputOptions.of(options)
-    ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
+    ending = check_file(target, "OUT", force=force, inputs=[source], suffixes=TABLES)
     how, settings = reducing(request, size)
 
     def work(resources: "Resources") -> "tuple[Reading, bytes, Columns]":
@@ -71,7 +71,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
         after, table = reduce_side(side, how, source, resources)
         return side, TABLES[ending](after), table
 
-    side, data, table = run_with_effort(work, request.jobs, quiet=output.quiet)
+    side, data, table = run_with_resources(work, request.jobs, quiet=output.quiet)
     write_file(target, data, "OUT")
     counts = {
         "clouds": len(table["id"]),
@@ -101,7 +101,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 
 
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
-    """Of what is known; nothing of distances of which some are not, those of large changes."""
+    """Return statistics of known numbers; nothing where those of large changes are unknown."""
     import numpy as np
 
     from tgospa_eval.inspection import spread

@@ -28,19 +28,19 @@ BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 OPTION = "DIR"
-"""What messages about the folder begin with."""
+"""Beginning of messages about the folder."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
-    """A:B, or one number for both."""
+    """Parse A:B, or one number for both."""
     first, colon, last = text.partition(":")
-    least, most = parsed_whole(first), parsed_whole(last if colon else first)
-    if least is None or most is None:
+    shortest, longest = parsed_whole(first), parsed_whole(last if colon else first)
+    if shortest is None or longest is None:
         raise click.BadParameter(f"{text!r}: must be A:B or A, in steps")
-    return least, most
+    return shortest, longest
 
 
 _scene = partial(Option, section="Scene")
@@ -153,8 +153,8 @@ OPTIONS = (
 )
 
 
-def _check_alone(ctx: click.Context) -> None:
-    """Whether nothing is asked for that a setting says."""
+def _check_setting(ctx: click.Context) -> None:
+    """Check that no option is given that a setting decides."""
     given = [
         item.opts[-1]
         for item in ctx.command.params
@@ -195,7 +195,7 @@ def command(
     Exit status: 0 done, 2 wrong option, or a folder that cannot be written.
     """
     if setting is not None:
-        _check_alone(ctx)
+        _check_setting(ctx)
         lines = _make_setting(folder, setting, seed, force=force)
     else:
         lines = _make_scene(folder, seed, force=force, **options)
@@ -216,7 +216,7 @@ def _paths(folder: str, names: tuple[str, ...]) -> str:
 
 
 def _size_of(side: "Trajectories", what: str) -> str:
-    """How many tracks and rows, in words."""
+    """Format how many tracks and rows there are."""
     clouds = "" if side.clouds is None else f" of {counted(len(side.clouds.points), 'particle')}"
     return f"{counted(len(side.ids), what)} with {counted(len(side.step), 'row')}{clouds}"
 
@@ -234,8 +234,8 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     # A row for each measurement, shuffled within a step.
     rows = (
         f"{time},{x!r},{y!r}\n"
-        for time, found in zip(truth.times.tolist(), measurements, strict=True)
-        for x, y in found.tolist()
+        for time, points in zip(truth.times.tolist(), measurements, strict=True)
+        for x, y in points.tolist()
     )
     texts = csv_text(truth), csv_text(estimate), "".join(["t,x,y\n", *rows])
     files = dict(zip(names, texts, strict=True))
@@ -271,7 +271,7 @@ def _make_scene(
     from tgospa_eval.formats.write import WRITERS
     from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation import Scene, Tracker, simulate
-    from tgospa_eval.simulation.settings import usual_tracker
+    from tgospa_eval.simulation.settings import default_tracker
 
     names = ("truth.csv", "estimate.csv") if format_ == "csv" else ("gt.txt", "res.txt")
     kind = _kind(names)
@@ -285,11 +285,11 @@ def _make_scene(
     scene = Scene(
         state=state or ("box" if boxes else "point"), particles=particles or 100, **options
     )
-    tracker = usual_tracker(
+    tracker = default_tracker(
         scene.area, {name: value for name, value in errors.items() if value is not None}
     )
     sides = simulate(scene, tracker, np.random.default_rng(seed))
-    if format_ == "kitti":  # whose frames count from 0
+    if format_ == "kitti":  # its frames count from 0
         sides = (
             replace(sides[0], times=sides[0].times - 1),
             replace(sides[1], times=sides[1].times - 1),

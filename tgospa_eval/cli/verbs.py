@@ -26,10 +26,10 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 SECTION = "tgospa_eval.section"
-"""Under this name the context keeps the section that `help VERB SECTION` asks for."""
+"""Key of the context for the section that `help VERB SECTION` shows."""
 
 CONFIG = "tgospa_eval.common.config"
-"""Under this name the context keeps the configuration file in use."""
+"""Key of the context for the configuration file in use."""
 
 
 def load(verb: str) -> click.Command:
@@ -50,7 +50,7 @@ VERB_WORDS = {
     "verify": "proof prove certificate certify audit recheck",
     "simulate": "sim generate gen make create demo synth example",
 }
-"""What people type for a verb."""
+"""Words that people type for a verb."""
 
 LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
@@ -59,7 +59,7 @@ class Verbs(click.Group):
     """Finds the verb wherever it stands among the options; without one it is ``evaluate``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Names of the verbs."""
+        """Return names of the verbs."""
         return list(VERBS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
@@ -99,13 +99,13 @@ class Verbs(click.Group):
         return super().parse_args(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """What the first word may be: a verb, a file or an option of evaluate."""
+        """Complete the first word: a verb, a file or an option of evaluate."""
         from click.shell_completion import CompletionItem  # lazy: few runs are completions
 
         if incomplete.startswith("-"):
             evaluate = self.get_command(ctx, "evaluate")
-            found = super().shell_complete(ctx, incomplete)
-            return [*found, *(evaluate.shell_complete(ctx, incomplete) if evaluate else ())]
+            completions = super().shell_complete(ctx, incomplete)
+            return [*completions, *(evaluate.shell_complete(ctx, incomplete) if evaluate else ())]
         verbs = [
             CompletionItem(name, help=about)
             for name, (_, about) in VERBS.items()
@@ -116,7 +116,7 @@ class Verbs(click.Group):
         return [*verbs, *map(CompletionItem, _files_like(incomplete))]
 
     def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
-        """Position of the first argument that is neither an option nor the value of one."""
+        """Return the position of the first argument that is no option, nor the value of one."""
         if not args[0].startswith("-"):
             return 0
         commands = [self.get_command(ctx, verb) for verb in ("evaluate", "gate")]
@@ -136,7 +136,7 @@ class Verbs(click.Group):
             elif text.startswith("--"):
                 skip = text in taking
             elif text.startswith("-") and len(text) > 1:
-                # Of letters run together the first that takes a value takes the rest, if any.
+                # In joined letters the first one that takes a value takes the rest, if any.
                 value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
                 skip = value == len(text) - 1
             else:
@@ -145,7 +145,7 @@ class Verbs(click.Group):
 
 
 def _files_like(begin: str) -> list[str]:
-    """Files in the current folder, as the shell would offer them if there were no verbs.
+    """Return files in the current folder, as the shell would offer them without verbs.
 
     Shells take a name with a blank for several: it is completed from a letter on that no verb has.
     """
@@ -176,7 +176,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     from difflib import get_close_matches  # lazy: most command lines are right
 
     plain = word.lower()
-    verbs = [verb for verb, others in VERB_WORDS.items() if plain in others.split()]
+    verbs = [verb for verb, words in VERB_WORDS.items() if plain in words.split()]
     for verb in (verbs or get_close_matches(plain, VERB_WORDS, 1, 0.8))[:1]:
         raise click.UsageError(f"{word}: neither a verb nor a file; did you mean {verb}?", ctx)
 

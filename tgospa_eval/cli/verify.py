@@ -116,16 +116,16 @@ def command(
 
         return run(lambda: check(path, proof, follows), stopwatch, show=True)
 
-    found = check_folders(folder, judge)
-    for claim in found.claims:
+    proofs = check_folders(folder, judge)
+    for claim in proofs.claims:
         (emit if claim.holds else print_notice)(f"{claim}\n" if claim.holds else str(claim))
-    ctx.exit(ExitStatus.DONE if found.holds else ExitStatus.NOT_PROVEN)
+    ctx.exit(ExitStatus.DONE if proofs.holds else ExitStatus.NOT_PROVEN)
 
 
 def _check_tables(
     folder: str, files: Files, given: Mapping[str, str], stopwatch: "Stopwatch"
 ) -> str:
-    """Whether all of a proof follows from the files and the options that it records.
+    """Check that all of a proof follows from the files and the options that it records.
 
     Returns how the files were read, in words; nothing if as they are.
 
@@ -159,20 +159,20 @@ def _check_tables(
             f"the parameter {name} is {proven!r}, must be {must!r} by the recorded options"
         )
     for name, text in proof_tables(compared, problem, parameters).items():
-        apart = difference(name, there.text(name), text, parameters.cutoff)
-        if apart:
+        mismatch = difference(name, there.text(name), text, parameters.cutoff)
+        if mismatch:
             raise verify_tgospa.Wrong(
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
-                f"options: {apart}"
+                f"options: {mismatch}"
             )
-    inputs, judged = prepared.recorded()
+    inputs, evaluated_on = prepared.recorded()
     digests = {side: record["sha256"] for side, record in inputs.items()}
     recorded = {side: record["sha256"] for side, record in proof.get("inputs", {}).items()}
-    for part, claimed, found in (
-        ("judged", proof.get("judged"), judged.record()),
+    for part, claimed, recomputed in (
+        ("judged", proof.get("judged"), evaluated_on.record()),
         ("inputs, sha256", recorded or None, digests),
     ):
-        for name, proven, must in () if claimed is None else _differing(claimed, found):
+        for name, proven, must in () if claimed is None else _differing(claimed, recomputed):
             raise verify_tgospa.Wrong(
                 f"{part}, {name}: is {proven!r}, must be {must!r} by {files[0]} and {files[1]}"
             )
@@ -189,14 +189,14 @@ def _check_tables(
 def _differing(
     proven: Mapping[str, object], must: Mapping[str, object]
 ) -> Iterator[tuple[str, object, object]]:
-    """Fields of which the values are not the same, by name, with both."""
+    """Yield fields of which the values are not the same, by name, with both."""
     for name in sorted({*proven, *must}):
         if proven.get(name) != must.get(name):
             yield name, proven.get(name), must.get(name)
 
 
 def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """The options of a proof, with the files that the command line names in place of its own.
+    """Return the options of a proof, with files that the command line names in place of its own.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "PreparedPair":
-    """What an evaluation of these files would solve."""
+    """Return the problem that an evaluation of these files would solve."""
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested

@@ -34,7 +34,7 @@ SILENCE = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outages:
-    """Where the estimate has no state within the cutoff of a truth.
+    """Stretches of time in which the estimate has no state within the cutoff of a truth.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ class Outages:
         The truth's own stamps in them.
     states : int
         The truth's states at these.
-    charged : bool
+    counted : bool
         Whether these stamps are steps.
     """
 
     lengths: Times
     ticks: Times
     states: int
-    charged: bool
+    counted: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,23 +84,23 @@ class Axis:
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
-    """Periods of the state columns that wrap around."""
+    """Return periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
     if distance.on_earth:
         periods["lon"] = TURN
     return periods
 
 
-def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Differences (N, d), the shorter way round where a component is periodic."""
+def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
+    """Return differences (N, d), the shorter way round where a component is periodic."""
     if periods is None:
         return differences
     period = np.asarray(periods, np.float64)
     finite = np.isfinite(period)
-    found = differences.copy()
+    shortest = differences.copy()
     half = 0.5 * period[finite]
-    found[:, finite] = np.remainder(found[:, finite] + half, period[finite]) - half
-    return found
+    shortest[:, finite] = np.remainder(shortest[:, finite] + half, period[finite]) - half
+    return shortest
 
 
 def on_axis(
@@ -111,7 +111,7 @@ def on_axis(
     cutoff: float,
     across: str = "",
 ) -> Axis:
-    """Both sides at the steps that are asked for.
+    """Return both sides at the steps that are asked for.
 
     The cutoff says what ends a silence of the estimate, where the truth is interpolated: a false
     alarm does not. `across` marks states of the truth in gaps, as of `tracks.interpolation`.
@@ -144,35 +144,35 @@ def on_axis(
     return axis
 
 
-def charged(
+def with_outages(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
 ) -> Axis:
-    """With the outages of the estimate, where its stamps say which steps of the truth count."""
+    """Add the outages of the estimate, where its stamps decide which steps of the truth count."""
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
     first, second = axis.sides
     _, near = _near(first, second, matching, distance, cutoff)
-    found = np.unique(second.times[second.step[near.estimate_row]])
-    return replace(axis, outages=_silences(first, second, found, matching, names))
+    near_times = np.unique(second.times[second.step[near.estimate_row]])
+    return replace(axis, outages=_find_outages(first, second, near_times, matching, names))
 
 
 def _resampled(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:
-    """The truth at multiples of a duration between its ends; reports of the estimate hold there."""
+    """Return the truth at multiples of a duration; reports of the estimate hold there."""
     truth = axis.horizon
     assert isinstance(matching.resample, Duration)
-    found = truth.times[:0]
+    tick_times = truth.times[:0]
     if len(truth.times):
         ends = truth.times[[0, -1]].tolist()
-        found = multiples(ends[0], ends[1], matching.resample, truth.clock)
-        if not len(found):
+        tick_times = multiples(ends[0], ends[1], matching.resample, truth.clock)
+        if not len(tick_times):
             raise ConfigError(
                 f"{option('resample', matching.resample.text)}: no multiple of it is between the "
                 f"first and the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; "
                 "give less"
             )
-    ticks = _stamped(found, truth, truth.clock)
+    ticks = _stamped(tick_times, truth, truth.clock)
     make = partial(
         _made,
         truth,
@@ -200,7 +200,7 @@ def _resampled(
 
 
 def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
-    """A side without rows, at the stamps of the other: interpolation leaves it as it is."""
+    """Return a side without rows at the stamps of the other: interpolation leaves it as it is."""
     if len(side.step) or not len(ticks.times):
         return side
     return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
@@ -214,7 +214,7 @@ def _interpolated(
     cutoff: float,
     across: str,
 ) -> Axis:
-    """One side at the stamps of the other, and the truth's own where the estimate is silent."""
+    """Return one side at the stamps of the other, and the truth's own in outages."""
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
     make = partial(
@@ -228,12 +228,12 @@ def _interpolated(
     (moved, made), outages = make(other), None
     if which == 0:
         pair, near = _near(moved, other, matching, distance, cutoff)
-        found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
-        outages = _silences(side, other, found, matching, names)
-        charged = outages.ticks if outages is not None and outages.charged else other.times[:0]
-        if len(charged):
-            other = _stamped(np.union1d(other.times, charged), other, other.clock, side)
-        if len(charged) or across:
+        near_times = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
+        outages = _find_outages(side, other, near_times, matching, names)
+        silent = outages.ticks if outages is not None and outages.counted else other.times[:0]
+        if len(silent):
+            other = _stamped(np.union1d(other.times, silent), other, other.clock, side)
+        if len(silent) or across:
             moved, made = make(other, across=across)
     sides = (moved, axis.sides[1]) if which == 0 else (axis.sides[0], moved)
     return replace(axis, sides=sides, made=(str(matching.interpolate), made), outages=outages)
@@ -251,7 +251,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
 
     return interpolated(
-        side.reduced_to(("gaussian", *distance.kinds)),  # of these there may be a NEES
+        side.reduced_to(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -268,7 +268,7 @@ def _near(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
-    """Both sides on the steps of either, and the pairs of rows within the cutoff."""
+    """Return both sides on the steps of either, and the pairs of rows within the cutoff."""
     pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
     resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
@@ -276,14 +276,14 @@ def _near(
     return pair, prepared_pairs(sides, cutoff, prepared, resources)
 
 
-def _silences(
+def _find_outages(
     truth: Trajectories,
     estimate: Trajectories,
-    found: Times,
+    near_times: Times,
     matching: TimeMatching,
     names: tuple[str, str],
 ) -> Outages | None:
-    """Intervals between the stamps at which the estimate found a truth.
+    """Return intervals between the stamps at which the estimate found a truth.
 
     From the truth's first stamp to its last, longer than `TimeMatching.outage`, or than `SILENCE`
     median intervals.
@@ -291,7 +291,7 @@ def _silences(
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
         return None
-    ticks = np.unique(ticks[np.isin(estimate.times, found)])
+    ticks = np.unique(ticks[np.isin(estimate.times, near_times)])
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
     lengths = np.diff(ends) / second
@@ -302,21 +302,21 @@ def _silences(
     silent = lengths > longest
     if not silent.any():
         return None
-    # A stamp of the truth is in the interval that ends with or after it.
+    # A stamp of the truth belongs to the interval that ends with it or after it.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
     return Outages(
         lengths=lengths[silent],
         ticks=own[inside],
         states=int(np.count_nonzero(inside[truth.step])),
-        charged=matching.outage != "none",
+        counted=matching.outage != "none",
     )
 
 
 def _stamped(
     times: Times, like: Trajectories, clock: str, labelled: Trajectories | None = None
 ) -> Trajectories:
-    """Steps without rows; times are shown as those of `like` and `labelled` are, or as ISO."""
+    """Return steps without rows; times look like those of `like` and `labelled`, or ISO."""
     labels = None
     if clock != "number":
         from tgospa_eval.tracks.conversion import iso  # lazy: as above
@@ -333,7 +333,7 @@ def _stamped(
 
 
 def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> None:
-    """Whether a row of either side is at one of the declared steps, as `kept` are.
+    """Check that a row of either side is at one of the declared steps, as `kept` are.
 
     Raises
     ------
@@ -348,14 +348,14 @@ def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> 
 
 
 def on_own_times(request: EvaluationRequest) -> EvaluationRequest:
-    """The same of sides that were brought to their steps before."""
+    """Return the request for sides that are already at their steps."""
     return replace(request, time_matching=request.time_matching.on_own_times)
 
 
 def truth_gaps(
     truth: Trajectories, axis: Axis, matching: TimeMatching, distance: Distance, cutoff: float
 ) -> tuple[Times, list[str], int] | None:
-    """The gaps of an interpolated truth, and what estimates report in them.
+    """Return the gaps of an interpolated truth, and what estimates report in them.
 
     Parameters
     ----------
@@ -380,12 +380,12 @@ def truth_gaps(
     order = np.argsort(truth.track, kind="stable")
     track, time = truth.track[order], truth.times[truth.step[order]]
     second = SECOND if truth.clock != "number" else 1
-    apart = np.diff(time) / second
-    wide = (track[1:] == track[:-1]) & (apart > float(matching.gaps[0]))
+    intervals = np.diff(time) / second
+    wide = (track[1:] == track[:-1]) & (intervals > float(matching.gaps[0]))
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.reports is not None:  # judged at their own stamps
+    if axis.reports is not None:  # reports count at their own stamps
         narrow = estimate = axis.reports.estimate
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED
@@ -395,8 +395,9 @@ def truth_gaps(
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)
         _, near = _near(line, estimate, matching, distance, cutoff)
-        found = np.unique(near.estimate_row)
-        states = len(found)
+        near_rows = np.unique(near.estimate_row)
+        states = len(near_rows)
         if axis.reports is not None:
-            states = int(np.count_nonzero(np.isin(axis.reports.row, found)))
-    return apart[wide], sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}), states
+            states = int(np.count_nonzero(np.isin(axis.reports.row, near_rows)))
+    names = sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()})
+    return intervals[wide], names, states

@@ -14,7 +14,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.axis import apart, periods_of
+from tgospa_eval.evaluation.axis import periods_of, shortest_differences
 from tgospa_eval.problem.solution import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
 from tgospa_eval.results.records import PairProof
@@ -29,18 +29,18 @@ PAIRS_TOGETHER = 1 << 16
 
 
 def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
-    """NEES of each pair of the reported assignment, NaN where its covariance is singular, and sums.
+    """Return NEES of each pair of the assignment, NaN where its covariance is singular, and sums.
 
     The estimate has covariances, or particles.
     """
     compared, problem = proof.compared, proof.states.problem
     assert compared.estimate_covariance is not None
-    found = read_assigned(proof.states, proof.weights)
-    rows = on_steps = problem.truth_row[found.entry], problem.estimate_row[found.entry]
+    assigned = read_assigned(proof.states, proof.weights)
+    rows = on_steps = problem.truth_row[assigned.entry], problem.estimate_row[assigned.entry]
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
-    if compared.reports is not None:  # on a common clock a report is judged at its own time
+    if compared.reports is not None:  # on a common clock a report counts at its own time
         names = np.array(compared.labels.truths, dtype=object)
         pair = compared.reports.located(names[problem.sides[0].track[rows[0]]], rows[1])
         states = pair[0].state, pair[1].state
@@ -48,19 +48,19 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
         clouds = pair[1].clouds
         rows = np.arange(len(rows[0])), np.arange(len(rows[0]))
     nees, histogram = nees_of(states, spreads, rows, periods), None
-    if problem.unjudged is not None:  # nobody is judged by an ignored truth
+    if problem.unjudged is not None:  # an ignored truth does not count
         ignored = problem.unjudged[0][on_steps[0]]
         nees[ignored] = np.nan
-        found = replace(found, weight=np.where(ignored, 0.0, found.weight))
+        assigned = replace(assigned, weight=np.where(ignored, 0.0, assigned.weight))
     if clouds is not None:
-        histogram = ranks(states[0][rows[0]], clouds, rows[1], found.weight, periods)
-    return nees, nees_sums(found, nees, states[0].shape[1], histogram)
+        histogram = ranks(states[0][rows[0]], clouds, rows[1], assigned.weight, periods)
+    return nees, nees_sums(assigned, nees, states[0].shape[1], histogram)
 
 
 def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
-    """That of each component, infinite where it has none; None if none has."""
-    found = periods_of(distance, columns)
-    return [found.get(name, np.inf) for name in columns] if found else None
+    """Return the period of each component, infinite where it has none; None if none has."""
+    periods = periods_of(distance, columns)
+    return [periods.get(name, np.inf) for name in columns] if periods else None
 
 
 def nees_of(
@@ -69,30 +69,30 @@ def nees_of(
     rows: tuple[Ints, Ints],
     periods: Sequence[float] | None,
 ) -> Floats:
-    """NEES of pairs of rows of truth and estimate, of states and of what is around each."""
+    """Return NEES of pairs of rows of truth and estimate, of states and the spreads around them."""
     packed = spreads[1][rows[1]].T
     if spreads[0] is not None:
         packed = packed + spreads[0][rows[0]].T
-    errors = apart(states[0][rows[0]] - states[1][rows[1]], periods)
+    errors = shortest_differences(states[0][rows[0]] - states[1][rows[1]], periods)
     return squared(errors.T, covariances.factor(packed))
 
 
 def squared(errors: Floats, factors: Floats) -> Floats:
-    """``e' (L L')^-1 e`` of errors (d, N) and packed lower factors; NaN where L is singular.
+    """Return ``e' (L L')^-1 e`` of errors (d, N) and packed factors; NaN where L is singular.
 
     Also where the value is larger than `LARGEST`.
     """
     d = len(errors)
     solved = np.empty_like(errors)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for i in range(d):  # forward substitution, all pairs at a time
+        for i in range(d):  # forward substitution for all pairs at once
             row = i * (i + 1) // 2
             known = sum(factors[row + k] * solved[k] for k in range(i))
             solved[i] = (errors[i] - known) / factors[row + i]
-        found: Floats = (solved * solved).sum(axis=0)
+        nees: Floats = (solved * solved).sum(axis=0)
     diagonal = factors[[i * (i + 3) // 2 for i in range(d)]]
-    found[(diagonal <= 0).any(axis=0) | ~(found <= LARGEST)] = np.nan
-    return found
+    nees[(diagonal <= 0).any(axis=0) | ~(nees <= LARGEST)] = np.nan
+    return nees
 
 
 def ranks(
@@ -102,7 +102,7 @@ def ranks(
     weight: Floats,
     periods: Sequence[float] | None = None,
 ) -> Floats:
-    """How often the truth (N, d) is in each tenth of the marginal weights of its cloud, (d, 10).
+    """Count the truths (N, d) in each tenth of the marginal weights of their cloud, (d, 10).
 
     Flat where particles are drawn from the posterior. The truth is one more draw beside N of them:
     with a weight S below it, half of what is equal counted, it is anywhere between N S / (N + 1)
@@ -115,7 +115,7 @@ def ranks(
         number = clouds.counts[rows[part]]
         place = concatenated(clouds.first[rows[part]], number)
         pair = np.repeat(np.arange(len(number)), number)
-        above = apart(clouds.points[place] - truth[part][pair], periods)
+        above = shortest_differences(clouds.points[place] - truth[part][pair], periods)
         mass = clouds.weights[place]
         draws = 1 / np.bincount(pair, mass * mass, minlength=len(number))
         for k in range(truth.shape[1]):

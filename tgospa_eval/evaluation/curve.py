@@ -72,7 +72,7 @@ class _Listed:
         return cls(which=which[order], key=key[order], steps=steps)
 
     def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """First from a step of each block on, and how many there are up to another."""
+        """Return the first entry from a step of each block on, and their number up to another."""
         block = block * np.int64(self.steps)
         low = np.searchsorted(self.key, block + begin)
         return low, np.searchsorted(self.key, block + end, "right") - low
@@ -80,7 +80,7 @@ class _Listed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Before:
-    """What there is at the step before each ending; arrays are (H,), sorted by ending and pair.
+    """State of the pairs at the step before each suffix; arrays are (H,), by suffix and pair.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Before:
 
     @classmethod
     def nothing(cls) -> "Before":
-        """Of endings that are whole beginnings."""
+        """Return the empty state, for suffixes that are whole blocks."""
         ints, floats = np.zeros(0, np.int64), np.zeros(0)
         return cls(ending=ints, pair=ints, weight=ints, value=floats, none=floats, other=floats)
 
@@ -141,7 +141,7 @@ class SuffixProblem:
 
     @property
     def ending(self) -> Ints:
-        """Of each step of the problem, (T,)."""
+        """Suffix of each step of the problem, (T,)."""
         return np.repeat(np.arange(len(self.first)), np.diff(self.first, append=self.problem.steps))
 
     @property
@@ -182,7 +182,7 @@ class Suffixes:
             self._sides.append((objects, place, members, number))
 
     def groups(self, block: Ints, begin: Ints, end: Ints) -> list[slice]:
-        """Neighbours of which each but the last have SIZE entries, or are a single one."""
+        """Return neighbours of which each but the last have SIZE entries, or are a single one."""
         size = np.cumsum(self._entries.spans(block, begin, end)[1])
         bounds = [0]
         while bounds[-1] < len(block):
@@ -191,27 +191,27 @@ class Suffixes:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def pairs(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Ending and pair, in order, of the pairs that come near, or are assigned before."""
+        """Return suffix and pair, in order, of the pairs that come near, or are assigned before."""
         size = np.int64(len(self.states.pair_row))
         taken, ending = _ranges(*self._entries.spans(block, begin, end))
         near = self._pair_of[self._entries.which[taken]]
         block_of = self.states.pair_block[self._used]
         low = np.searchsorted(block_of, block)
         at, whose = _ranges(low, np.searchsorted(block_of, block, "right") - low)
-        held = self._used[at]
-        some = self.assigned(held, (begin - 1)[whose]) > 0
-        both = np.concatenate((ending * size + near, whose[some] * size + held[some]))
-        found, pair = np.divmod(np.unique(both), size)
-        return found, pair
+        used = self._used[at]
+        some = self.assigned(used, (begin - 1)[whose]) > 0
+        both = np.concatenate((ending * size + near, whose[some] * size + used[some]))
+        suffix, pair = np.divmod(np.unique(both), size)
+        return suffix, pair
 
     def assigned(self, pair: Ints, step: Ints) -> Ints:
-        """What the whole assigns of pairs at steps inside of their blocks."""
+        """Return what the whole assigns to pairs at steps inside of their blocks."""
         key = pair * np.int64(self.states.problem.steps) + step
         weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
         return weights
 
-    def cut(self, block: Ints, begin: Ints, end: Ints, before: Before) -> SuffixProblem:
-        """The endings as one problem."""
+    def make_problem(self, block: Ints, begin: Ints, end: Ints, before: Before) -> SuffixProblem:
+        """Return the suffixes as one problem."""
         whole = self.states.problem
         head = np.zeros(len(block), np.int64)
         head[before.ending] = 1
@@ -274,7 +274,7 @@ class Suffixes:
         )
 
     def _worth(self, begin: Ints, before: Before) -> Floats:
-        """By how much the values of the listed pairs exceed that of "none", which may be negative.
+        """Return how far listed pairs are above "none" in value, which may be negative.
 
         Pairs that were entered from "none" are better entered later, so they are worth still less:
         what ties only makes work.
@@ -291,7 +291,7 @@ class _Mixed:
     ----------
     ending, other : int arrays
         Ending of each of the first and of the second, in order.
-    endings : int
+    suffixes : int
         How many there are.
 
     Attributes
@@ -300,26 +300,26 @@ class _Mixed:
         Places in the one list.
     """
 
-    def __init__(self, ending: Ints, other: Ints, endings: int) -> None:
-        of_first = np.bincount(ending, minlength=endings)
-        of_second = np.bincount(other, minlength=endings)
+    def __init__(self, ending: Ints, other: Ints, suffixes: int) -> None:
+        of_first = np.bincount(ending, minlength=suffixes)
+        of_second = np.bincount(other, minlength=suffixes)
         self.first = np.arange(len(ending)) + np.cumsum(of_second)[ending]
         self.second = np.arange(len(other)) + (np.cumsum(of_first) - of_first)[other]
 
     def join(self, first: Ints | Floats, second: Ints | Floats) -> NDArray[Any]:
-        """Values of both."""
+        """Join values of both."""
         joined = np.empty(len(first) + len(second), np.result_type(first, second))
         joined[self.first], joined[self.second] = first, second
         return joined
 
 
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """The numbers of each range, one range after the other, and whose each is."""
+    """Return the numbers of each range, one range after the other, and the range of each."""
     return concatenated(low, count), np.repeat(np.arange(len(low)), count)
 
 
 # -------------------------------------------------------------------------------------------------
-# What is proven of beginnings by solving their endings (docs/theory/solvers.md, "The curve").
+# Bounds of prefixes by solving their suffixes (docs/theory/solvers.md, "The curve").
 
 
 class SeparateStretches:
@@ -327,7 +327,7 @@ class SeparateStretches:
 
     Parameters
     ----------
-    endings : Suffixes
+    suffixes : Suffixes
         Of the whole.
     saved : SavedSolution
         Its solution.
@@ -336,14 +336,14 @@ class SeparateStretches:
     """
 
     def __init__(
-        self, endings: Suffixes, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
+        self, suffixes: Suffixes, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
     ) -> None:
-        self.cut = endings.cut(block, begin, end, Before.nothing())
-        self.states = merge_runs(self.cut.problem)
-        self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.cut.origin)
+        self.joint = suffixes.make_problem(block, begin, end, Before.nothing())
+        self.states = merge_runs(self.joint.problem)
+        self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
-    def held(self) -> tuple[Floats, Floats, Floats]:
-        """What the solution of the whole proves, as `solve` returns it."""
+    def of_whole(self) -> tuple[Floats, Floats, Floats]:
+        """Return what the solution of the whole proves, as `solve` does."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
@@ -364,28 +364,28 @@ class SeparateStretches:
         return self._proven(solver(self.states, stopwatch, replace(self.warm_start, near=True)))
 
     def _proven(self, solution: Solution) -> tuple[Floats, Floats, Floats]:
-        cut, states = self.cut, self.states
+        joint, states = self.joint, self.states
         _, lower, split = prove(states, solution, consume=solution.disposable)
         parts = np.array(
             [
-                np.add.reduceat(kind, cut.first)
+                np.add.reduceat(kind, joint.first)
                 for kind in (split.localisation, split.missed, split.false, split.switch)
             ]
         )
-        ending = np.searchsorted(cut.first, states.block_begin, side="right") - 1
-        bound = sum_by(ending, lower, len(cut.first))
+        ending = np.searchsorted(joint.first, states.block_begin, side="right") - 1
+        bound = sum_by(ending, lower, len(joint.first))
         bound *= 1 - len(states.block_begin) * ROUNDOFF
-        return parts, bound, _rounding(states, parts, cut.length)
+        return parts, bound, _rounding(states, parts, joint.length)
 
 
-class ContinuedPrefixes:
+class SuffixSolver:
     """Beginnings that are as the whole has them before some step, and are solved from there on.
 
     They are to be asked for in the order of these steps.
 
     Parameters
     ----------
-    endings : Suffixes
+    suffixes : Suffixes
         Of the whole.
     found : PrefixBounds
         What its solution proves of all beginnings.
@@ -393,9 +393,9 @@ class ContinuedPrefixes:
         That solution.
     """
 
-    def __init__(self, endings: Suffixes, found: PrefixBounds, saved: SavedSolution) -> None:
-        self.endings, self.found, self.saved = endings, found, saved
-        moves = found.moves
+    def __init__(self, suffixes: Suffixes, prefixes: PrefixBounds, saved: SavedSolution) -> None:
+        self.suffixes, self.prefixes, self.saved = suffixes, prefixes, saved
+        moves = prefixes.moves
         self._none, self._reached = np.zeros(len(moves.rows)), np.zeros(len(moves.row))
         self._best, self._done = np.zeros(len(moves.rows)), 0
         self._pass = forward(moves, self._none, self._reached)
@@ -409,24 +409,24 @@ class ContinuedPrefixes:
         `SeparateStretches.solve` returns.
         """
         before, rest = self._before(block, begin, end)
-        cut = self.endings.cut(block, begin, end, before)
-        states = merge_runs(cut.problem, transpose=False)
-        warm_start = make_warm_start(states, (self.saved,), (1.0,), cut.origin)
-        # What is paid until then is in the values already.
-        until_then = np.zeros(cut.problem.steps, bool)
-        until_then[cut.first] = True
+        joint = self.suffixes.make_problem(block, begin, end, before)
+        states = merge_runs(joint.problem, transpose=False)
+        warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
+        # The values include the cost until then.
+        until_then = np.zeros(joint.problem.steps, bool)
+        until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
         solution = solver(states, stopwatch, replace(warm_start, prices=prices, near=True))
-        listed = self._listed(cut, states)
-        parts, error = self._costs(cut, states, listed, repair(states, solution.weights))
-        lower = self._lower(cut, states, listed, fair_prices(solution.prices), rest)
-        return concatenated(self.found.cells.of(block, begin), cut.length), parts, lower, error
+        listed = self._listed(joint, states)
+        parts, error = self._costs(joint, states, listed, repair(states, solution.weights))
+        lower = self._lower(joint, states, listed, fair_prices(solution.prices), rest)
+        return concatenated(self.prefixes.cells.of(block, begin), joint.length), parts, lower, error
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
-        """What there is before endings; of rows without a listed pair sums of values and sizes."""
-        moves = self.found.moves
-        row_block = self.endings.states.node_block[moves.rows]
-        ending, pair = self.endings.pairs(block, begin, end)
+        """Return the state before suffixes; of rows without a listed pair sums of values."""
+        moves = self.prefixes.moves
+        row_block = self.suffixes.states.node_block[moves.rows]
+        ending, pair = self.suffixes.pairs(block, begin, end)
         value, none, other = np.zeros((3, len(pair)))
         rest = np.zeros((2, len(block)))
         edges = np.searchsorted(ending, np.arange(len(block) + 1))
@@ -446,79 +446,79 @@ class ContinuedPrefixes:
             unlisted = self._best[low:high].copy()
             unlisted[row - low] = 0.0
             rest[:, number] = unlisted.sum(), np.abs(unlisted).sum()
-        weight = self.endings.assigned(pair, (begin - 1)[ending])
+        weight = self.suffixes.assigned(pair, (begin - 1)[ending])
         before = Before(
             ending=ending, pair=pair, weight=weight, value=value, none=none, other=other
         )
         return before, rest
 
-    def _listed(self, cut: SuffixProblem, states: States) -> Ints:
-        """The place in `Before` of each pair."""
-        whole, before = self.endings.states, cut.before
+    def _listed(self, joint: SuffixProblem, states: States) -> Ints:
+        """Return the place in `Before` of each pair."""
+        whole, before = self.suffixes.states, joint.before
         truths, estimates = np.int64(whole.problem.truths), np.int64(whole.problem.estimates)
         known = before.ending * truths + whole.pair_truth[before.pair]
         known = known * estimates + whole.pair_estimate[before.pair]
-        sought = cut.ending[states.begin[states.pair_first[:-1]]] * truths
-        sought = (sought + cut.origin[0][states.pair_truth]) * estimates
-        sought = sought + cut.origin[1][states.pair_estimate]
+        sought = joint.ending[states.begin[states.pair_first[:-1]]] * truths
+        sought = (sought + joint.origin[0][states.pair_truth]) * estimates
+        sought = sought + joint.origin[1][states.pair_estimate]
         order = np.argsort(known)
-        found: Ints = order[np.searchsorted(known, sought, sorter=order)]
-        return found
+        place: Ints = order[np.searchsorted(known, sought, sorter=order)]
+        return place
 
     def _costs(
-        self, cut: SuffixProblem, states: States, listed: Ints, weights: Ints
+        self, joint: SuffixProblem, states: States, listed: Ints, weights: Ints
     ) -> tuple[Floats, Floats]:
-        """Cost by kind, and its error, up to each step of each ending."""
+        """Return the cost by kind, and its error, up to each step of each suffix."""
         split = break_down(states, weights)
-        # Into the first step switches are from what the whole assigns before.
-        before = cut.before.weight[listed]
+        # Switches into the first step are from the assignment of the whole before it.
+        before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # Nothing happens any more to blocks of a single step.
+        # Blocks of a single step do not change any more.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
         switch = split.switch.copy()
-        switch[cut.first + 1] = sum_by(step, amount, len(switch))[cut.first + 1]
-        kinds = np.array([split.localisation, split.missed, split.false, switch])[:, cut.own]
-        ending = cut.ending[cut.own]
-        at = self.found.cells.of(cut.block, cut.begin - 1)
-        parts = self.found.parts[:, at][:, ending] + _running(kinds, cut.length)
-        error = self.found.error[at][ending] + _rounding(states, parts, cut.length[ending])
+        switch[joint.first + 1] = sum_by(step, amount, len(switch))[joint.first + 1]
+        kinds = np.array([split.localisation, split.missed, split.false, switch])[:, joint.own]
+        ending = joint.ending[joint.own]
+        at = self.prefixes.cells.of(joint.block, joint.begin - 1)
+        parts = self.prefixes.parts[:, at][:, ending] + _running(kinds, joint.length)
+        error = self.prefixes.error[at][ending] + _rounding(states, parts, joint.length[ending])
         return parts, error
 
     def _lower(
-        self, cut: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
+        self, joint: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
     ) -> Floats:
-        """Lower bound up to each step of each ending."""
-        found, slots, before = self.found, states.columns, cut.before
-        moves = RowMoves.of(states, offsets(states), prices, since=cut.first[cut.ending] + 1)
-        of_row = cut.ending[states.block_begin[states.node_block[moves.rows]]]
+        """Return the lower bound up to each step of each suffix."""
+        prefixes, slots, before = self.prefixes, states.columns, joint.before
+        moves = RowMoves.of(states, offsets(states), prices, since=joint.first[joint.ending] + 1)
+        of_row = joint.ending[states.block_begin[states.node_block[moves.rows]]]
         reached = before.value[listed]
-        opens = states.pair_first[:-1]  # what is paid at the step before
+        opens = states.pair_first[:-1]  # the price at the step before
         pays = np.flatnonzero(slots.end[opens] > slots.begin[opens])
         reached[pays] = up(reached[pays] - prices[slots.begin[opens[pays]]])
         some = listed[moves.first]
         other = before.other[some]
-        price = self.endings.states.problem.switch_price_at[cut.begin][of_row]
+        price = self.suffixes.states.problem.switch_price_at[joint.begin][of_row]
         none = np.maximum(before.none[some], up(other - price))
-        begins = np.cumsum(cut.length) - cut.length
-        values = np.zeros((2, int(cut.length.sum())))
+        begins = np.cumsum(joint.length) - joint.length
+        values = np.zeros((2, int(joint.length.sum())))
         for time, best in enumerate(forward(moves, none, reached, other)):
-            live = np.flatnonzero(cut.length > time)
+            live = np.flatnonzero(joint.length > time)
             for kind, value in enumerate((best, np.abs(best))):
-                total = np.bincount(of_row, value, minlength=len(cut.first)) + rest[kind]
+                total = np.bincount(of_row, value, minlength=len(joint.first)) + rest[kind]
                 values[kind, begins[live] + time] = total[live]
-        paid = sum_by(slots.step, prices, cut.problem.steps)
-        paid[cut.first + 1] += paid[cut.first]
-        ending = cut.ending[cut.own]
-        earlier = found.paid[self.found.cells.of(cut.block, cut.begin - 1)][ending]
-        cells = concatenated(self.found.cells.of(cut.block, cut.begin), cut.length)
-        paid = earlier + _running(paid[cut.own][None], cut.length)[0]
-        return found.lower(cells, values[0], values[1], paid)
+        paid = sum_by(slots.step, prices, joint.problem.steps)
+        paid[joint.first + 1] += paid[joint.first]
+        ending = joint.ending[joint.own]
+        earlier = prefixes.paid[self.prefixes.cells.of(joint.block, joint.begin - 1)][ending]
+        cells = concatenated(self.prefixes.cells.of(joint.block, joint.begin), joint.length)
+        paid = earlier + _running(paid[joint.own][None], joint.length)[0]
+        return prefixes.lower(cells, values[0], values[1], paid)
 
 
 def _running(value: Floats, length: Ints) -> Floats:
-    """Running sums, in each row, of parts of so many values."""
+    """Return running sums, in each row, of parts of so many values."""
     total = np.empty_like(value)
     for low, high in itertools.pairwise(np.concatenate(([0], np.cumsum(length))).tolist()):
         np.cumsum(value[:, low:high], axis=1, out=total[:, low:high])
@@ -526,14 +526,14 @@ def _running(value: Floats, length: Ints) -> Floats:
 
 
 def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
-    """How far off costs by kind may be: sums of the steps of an ending, and of its states."""
+    """Bound the error of costs by kind, for sums of the steps of a suffix, and of its states."""
     terms = int(np.bincount(states.begin, minlength=1).max())
     error: Floats = parts.sum(axis=0) * (length + 2 * terms + 16) * ROUNDOFF
     return error
 
 
 def unpaired_by_step(states: States) -> Floats:
-    """Cost at each step of the truths and estimates that are near to none, (2, T)."""
+    """Return the cost at each step of the truths and estimates that are near to none, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
     for own, side in zip(total, problem.sides, strict=True):
@@ -544,7 +544,7 @@ def unpaired_by_step(states: States) -> Floats:
 
 
 def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
+    """Return the lower bound of each block, (B,), of objects and steps with a near pair only."""
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
@@ -570,7 +570,7 @@ def trace(
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Brackets:
-    """The curve of a solved problem; its last point is what the solution proves of the whole.
+    """Return the curve of a solved problem; its last point is the bracket of the whole.
 
     Parameters
     ----------
@@ -589,26 +589,26 @@ def trace(
     """
     progress = progress or Progress()
     prices = fair_prices(prices)
-    found = PrefixBounds.of(states, weights, prices)
-    cells, parts = found.cells, found.parts.copy()
-    least, error = found.whole_lower(states), found.error.copy()
+    prefixes = PrefixBounds.of(states, weights, prices)
+    cells, parts = prefixes.cells, prefixes.parts.copy()
+    lower_bounds, error = prefixes.whole_lower(states), prefixes.error.copy()
     unpaired_costs = np.cumsum(unpaired_by_step(states), axis=1)
     ends = cells.first[1:] - 1
-    least[ends] = np.maximum(least[ends], whole_blocks(states, prices, reduced))
+    lower_bounds[ends] = np.maximum(lower_bounds[ends], whole_blocks(states, prices, reduced))
 
-    bracket = _Brackets(cells=cells, parts=parts, least=least, error=error, gap=solver.gap)
-    bracket.open[ends] = False  # a whole block: the solver has had its chance
+    bracket = _Brackets(cells=cells, parts=parts, lower=lower_bounds, error=error, gap=solver.gap)
+    bracket.open[ends] = False  # the solver has already solved whole blocks
     if bracket.open.any():
-        endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
+        suffixes, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         from_begin = states.transposed.copy()
         for part in reduced:
             from_begin |= part.blocks
-        _narrow(bracket, endings, found, saved, from_begin, solver, progress)
+        _narrow(bracket, suffixes, prefixes, saved, from_begin, solver, progress)
 
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
     shown[1:3] += unpaired_costs
-    # Of objects that are near to none: sums of so many prices.
+    # Objects that are near to none cost sums of so many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
     unsure = (
         0.0
@@ -620,7 +620,7 @@ def trace(
     upper = (
         (upper + off + unpaired_costs.sum(axis=0)) * (1 + few + unsure) / (1 - problem.cost_error)
     )
-    lower, off = cells.totals(least, problem.steps)
+    lower, off = cells.totals(lower_bounds, problem.steps)
     lower = (lower - off + unpaired_costs.sum(axis=0)) * (1 - few - unsure) - problem.cost_slack
     lower *= 1 - few - problem.cost_error
     share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
@@ -634,24 +634,24 @@ def trace(
 
 
 class _Brackets:
-    """Of every cell costs by kind, a lower bound, and whether the bracket is to become narrower."""
+    """Costs by kind and a lower bound for each cell, and whether its bracket is too wide."""
 
     def __init__(
-        self, *, cells: Cells, parts: Floats, least: Floats, error: Floats, gap: float
+        self, *, cells: Cells, parts: Floats, lower: Floats, error: Floats, gap: float
     ) -> None:
-        self.cells, self.parts, self.least, self.error, self.gap = cells, parts, least, error, gap
+        self.cells, self.parts, self.lower, self.error, self.gap = cells, parts, lower, error, gap
         self.cost = parts.sum(axis=0)
         self.open = self.wide
 
     @property
     def wide(self) -> Mask:
-        """Which brackets are wider than the gap."""
-        wide: Mask = self.cost + self.error - self.least > self.gap * self.cost
+        """Mask of brackets that are wider than the gap."""
+        wide: Mask = self.cost + self.error - self.lower > self.gap * self.cost
         return wide
 
     def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
         """Take what is better."""
-        np.maximum.at(self.least, cell, lower)
+        np.maximum.at(self.lower, cell, lower)
         cost = parts.sum(axis=0)
         order = np.lexsort((cost, cell))
         order = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
@@ -663,8 +663,8 @@ class _Brackets:
 
 def _narrow(
     brackets: _Brackets,
-    endings: Suffixes,
-    found: PrefixBounds,
+    suffixes: Suffixes,
+    prefixes: PrefixBounds,
     saved: SavedSolution,
     from_begin: Mask,
     solver: Certified,
@@ -675,32 +675,32 @@ def _narrow(
     Blocks that are marked in `from_begin` (B,) are solved from their first step on at once.
     """
     limit = Limit.of(solver.time_limit, progress)
-    cells, span, most = brackets.cells, SPAN, np.count_nonzero(brackets.open)
+    cells, span, open_at_start = brackets.cells, SPAN, np.count_nonzero(brackets.open)
     while brackets.open.any():
         cell = np.flatnonzero(brackets.open)
         block, end = cells.block[cell], cells.step[cell]
         first = cells.begin[block]
         begin = np.maximum(end + 1 - span, first)
         begin = np.where((begin - first < span // 2) | from_begin[block], first, begin)
-        continued = ContinuedPrefixes(endings, found, saved)
+        suffix_solver = SuffixSolver(suffixes, prefixes, saved)
         for whole in (False, True):
             at = np.flatnonzero((begin == first) == whole)
             at = at[np.argsort(begin[at], kind="stable")]
-            for group in endings.groups(block[at], begin[at], end[at]):
+            for group in suffixes.groups(block[at], begin[at], end[at]):
                 if limit.late():
                     return
-                progress.again("the curve", 1 - np.count_nonzero(brackets.open) / most)
+                progress.again("the curve", 1 - np.count_nonzero(brackets.open) / open_at_start)
                 own = at[group]
-                own = own[brackets.open[cell[own]]]  # others may have shown it
+                own = own[brackets.open[cell[own]]]  # other stretches may have closed the bracket
                 if not len(own):
                     continue
                 timed = _for_the_rest(solver, limit)
-                asked = block[own], begin[own], end[own]
+                stretch = block[own], begin[own], end[own]
                 if whole:
-                    alone = SeparateStretches(endings, saved, *asked).solve(*timed)
-                    brackets.take(cell[own], *alone)
+                    proven = SeparateStretches(suffixes, saved, *stretch).solve(*timed)
+                    brackets.take(cell[own], *proven)
                 else:
-                    brackets.take(*continued.solve(*asked, *timed))
+                    brackets.take(*suffix_solver.solve(*stretch, *timed))
                 brackets.open &= brackets.wide
             if whole:
                 brackets.open[cell[at]] = False
@@ -708,7 +708,7 @@ def _narrow(
 
 
 def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
-    """The solver for the time that is left, and a clock of its own that shows nothing."""
+    """Return the solver for the time that is left, and a clock of its own that shows nothing."""
     stopwatch, left = Stopwatch(), limit.left()
     stopwatch.progress = limit.progress.silent()
     return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch
@@ -732,7 +732,7 @@ def slide(
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Windows:
-    """The windows of a solved problem.
+    """Return the windows of a solved problem.
 
     Parameters
     ----------
@@ -757,25 +757,25 @@ def slide(
     prices = fair_prices(prices)
     stretches, of_windows = _of_windows(states, first, last)
     block, begin, end = stretches
-    found = np.zeros((6, len(block)))  # four kinds of costs, a lower bound, an error
+    bounds = np.zeros((6, len(block)))  # four kinds of costs, a lower bound, an error
     whole = (begin == states.block_begin[block]) & (end == states.block_end[block])
-    found[:, whole] = np.vstack(_of_blocks(states, weights, prices, reduced, block[whole]))
+    bounds[:, whole] = np.vstack(_of_blocks(states, weights, prices, reduced, block[whole]))
     rest = np.flatnonzero(~whole)
     if len(rest):
-        endings, saved = Suffixes(states, weights), save_solution(states, weights, prices)
+        suffixes, saved = Suffixes(states, weights), save_solution(states, weights, prices)
         limit = Limit.of(solver.time_limit, progress or Progress())
         done = 0
-        for group in endings.groups(*stretches[:, rest]):
+        for group in suffixes.groups(*stretches[:, rest]):
             limit.progress.again("the windows", done / len(rest))
             own = rest[group]
-            alone = SeparateStretches(endings, saved, *stretches[:, own])
-            found[:, own] = np.vstack(_solved(alone, solver, limit))
+            separate = SeparateStretches(suffixes, saved, *stretches[:, own])
+            bounds[:, own] = np.vstack(_solved(separate, solver, limit))
             done += len(own)
-    return _added(problem, unpaired_by_step(states), found, of_windows, spans)
+    return _added(problem, unpaired_by_step(states), bounds, of_windows, spans)
 
 
 def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """What the windows have of the blocks, each once.
+    """Return the parts of blocks that the windows have, each once.
 
     Returns
     -------
@@ -801,7 +801,7 @@ def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[In
 def _of_blocks(
     states: States, weights: Ints, prices: Floats, reduced: tuple[Reduced, ...], block: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Costs by kind, lower bound and error of whole blocks."""
+    """Return costs by kind, lower bound and error of whole blocks."""
     if not len(block):
         return np.zeros((4, 0)), np.zeros(0), np.zeros(0)
     cells = Cells.of_blocks(states)
@@ -811,15 +811,15 @@ def _of_blocks(
 
 
 def _solved(
-    alone: SeparateStretches, solver: Certified, limit: Limit
+    stretches: SeparateStretches, solver: Certified, limit: Limit
 ) -> tuple[Floats, Floats, Floats]:
-    """Costs by kind, lower bound and error, as narrow as asked if time allows."""
-    held = alone.held()
-    parts, lower, error = held
+    """Return costs by kind, lower bound and error, as narrow as requested if time allows."""
+    known = stretches.of_whole()
+    parts, lower, error = known
     cost = parts.sum(axis=0)
     if limit.late() or not (cost + error - lower > solver.gap * cost).any():
-        return held
-    solved = alone.solve(*_for_the_rest(solver, limit))
+        return known
+    solved = stretches.solve(*_for_the_rest(solver, limit))
     cheaper = solved[0].sum(axis=0) < cost
     return (
         np.where(cheaper, solved[0], parts),
@@ -831,28 +831,28 @@ def _solved(
 def _added(
     problem: Problem,
     unpaired: Floats,
-    found: Floats,
+    bounds: Floats,
     of_windows: tuple[Ints, Ints],
     spans: tuple[Ints, Ints],
 ) -> Windows:
-    """Sums of the stretches of each window, and of the objects in it that are near to none."""
-    (first, last), parts, least, error = spans, found[:4], found[4], found[5]
+    """Sum the stretches of each window, and the objects in it that are near to none."""
+    (first, last), parts, lower_bounds, error = spans, bounds[:4], bounds[4], bounds[5]
     window, stretch = of_windows
 
     def total(value: Floats) -> Floats:
         return sum_by(window, value[stretch], len(first))
 
     def between(value: Floats) -> Floats:
-        """Sums of the values >= 0 of the steps of each window, nothing taken away again."""
+        """Sum values >= 0 of the steps of each window, without subtraction."""
         if not len(first):
             return np.zeros(0)
         edges = np.stack((first, last + 1), axis=1).ravel()
         sums: Floats = np.add.reduceat(np.append(value, 0.0), edges)[::2]
         return sums
 
-    alone = np.array([between(side) for side in unpaired])
+    of_unpaired = np.array([between(side) for side in unpaired])
     shown = np.array([total(part) for part in parts])
-    shown[1:3] += alone
+    shown[1:3] += of_unpaired
     counts = np.array(
         [
             between(np.bincount(step, minlength=problem.steps).astype(float))
@@ -860,14 +860,14 @@ def _added(
         ]
     )
     terms = 8 + np.bincount(window, minlength=len(first))
-    if not (whole_prices(problem) and alone.max(initial=0.0) < 2.0**31):
+    if not (whole_prices(problem) and of_unpaired.max(initial=0.0) < 2.0**31):
         terms = terms + counts.sum(axis=0) + (last - first)
     few = terms * ROUNDOFF
-    upper = (total(parts.sum(axis=0) + error) + alone.sum(axis=0)) * (1 + few)
+    upper = (total(parts.sum(axis=0) + error) + of_unpaired.sum(axis=0)) * (1 + few)
     upper /= 1 - problem.cost_error
-    lower = (total(least) + alone.sum(axis=0)) * (1 - few)
-    most = min(len(problem.truth_step), len(problem.estimate_step))
-    lower -= problem.cost_slack * counts.min(axis=0) * (1 + 8 * ROUNDOFF) / max(most, 1)
+    lower = (total(lower_bounds) + of_unpaired.sum(axis=0)) * (1 - few)
+    fewer_rows = min(len(problem.truth_step), len(problem.estimate_step))
+    lower -= problem.cost_slack * counts.min(axis=0) * (1 + 8 * ROUNDOFF) / max(fewer_rows, 1)
     lower *= 1 - few - problem.cost_error
     price = sum(sum_by(side.step, side.price, problem.steps) for side in problem.sides)
     share = between(np.asarray(price)) / max(float(np.sum(price)), 1e-300)

@@ -23,7 +23,7 @@ from tgospa_eval.text import option
 
 
 def gradient(result: PairEvaluation) -> Gradient:
-    """Derivatives of the total by estimate states, cutoff and switch penalty."""
+    """Return derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
@@ -64,7 +64,7 @@ def gradient(result: PairEvaluation) -> Gradient:
 def _moved(
     fitted: AlignedPair, given: Distance, pairs: Pairs, change: Floats
 ) -> tuple[Floats, Floats | None, Ints | None]:
-    """Derivative by each state of the estimate (R, d), of clouds by each particle (P, d).
+    """Return the derivative by each state of the estimate (R, d), of clouds by particle (P, d).
 
     `given` is the distance without what it takes from the data, `change` (N,) that of the total by
     the distance of each pair; clouds also have the place of their first particles (R + 1,).
@@ -93,5 +93,5 @@ def _moved(
 
 
 def _sums(index: Ints, values: Floats, size: int) -> Floats:
-    """Sums of the rows of values (N, d) that share an index, (size, d)."""
+    """Sum the rows of values (N, d) that share an index, (size, d)."""
     return np.stack([sum_by(index, column, size) for column in values.T], axis=1)

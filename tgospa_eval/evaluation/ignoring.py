@@ -1,4 +1,4 @@
-"""Which states are not judged: rules by attributes of the truth, marks, steps without truth.
+"""Rules for states that are not judged: attributes of the truth, marks, steps without truth.
 
 What they do to the numbers is in `problem.metric_family.ignore_states`.
 """
@@ -61,7 +61,7 @@ class Condition:
     values: tuple[str, ...]
 
     def fits(self, values: Values) -> Mask:
-        """Which of these values (R,) fit; missing ones do not.
+        """Return a mask of the values (R,) that fit; missing ones do not.
 
         Raises
         ------
@@ -87,13 +87,13 @@ class Condition:
                     f"texts, such as {quoted(given[0])}; compare them by ="
                 )
             return np.zeros(len(values), bool)
-        found: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
-        return found
+        fitting: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
+        return fitting
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ignoring:
-    """What is not to be judged.
+    """Rules for states that are not judged.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Ignoring:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON; regions by their digest."""
+        """Settings that change the number, by the names of the JSON; regions by their digest."""
         given = {
             "ignore": list(self.texts),
             "max_speed": self.max_speed,
@@ -130,7 +130,7 @@ class Ignoring:
 
     @property
     def gaps(self) -> bool:
-        """Whether gaps of an interpolated truth are."""
+        """True if gaps of an interpolated truth are ignored."""
         return GAPS in self.texts
 
     @property
@@ -140,7 +140,7 @@ class Ignoring:
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Both sides with the marks that follow from what the files say.
+        """Return both sides with the marks that follow from what the files say.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Ignoring:
         return replace(truth, notices=(*truth.notices, *absent)), estimate
 
     def check_marks(self, attributes: Sequence[Container[str]], names: Sequence[str]) -> None:
-        """Whether a side has the marks that are asked for.
+        """Check that a side has the marks that the rules need.
 
         Raises
         ------
@@ -168,26 +168,26 @@ class Ignoring:
                 raise ConfigError(f"{option('ignore', rule)}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
-        """With classes as the truth writes them, which has these; what to say of absent ones.
+        """Return the rules with classes as the truth writes them, and messages about absent ones.
 
         One recording of many may lack a class.
         """
         conditions, absent = [], []
         for rule in self.conditions:
             if rule.column == CLASS:
-                found = {value: class_named(value, named) for value in rule.values}
+                spellings = {value: class_named(value, named) for value in rule.values}
                 absent += [
                     f"{option('ignore', rule.text)}: no row of class {quoted(value)}; there are "
                     f"{listed(named)}"
-                    for value, name in found.items()
+                    for value, name in spellings.items()
                     if name is None
                 ]
-                rule = replace(rule, values=tuple(name for name in found.values() if name))
+                rule = replace(rule, values=tuple(name for name in spellings.values() if name))
             conditions.append(rule)
         return replace(self, conditions=tuple(conditions)), absent
 
     def marked(self, side: Reading, role: str, name: str) -> Reading:
-        """One side with the marks that follow from what its file says.
+        """Return one side with the marks that follow from what its file says.
 
         Raises
         ------
@@ -208,23 +208,23 @@ class Ignoring:
         return replace(side, trajectories=marked(side.trajectories, rows))
 
     def ignore_inside(self, truth: Trajectories, tolerance: float, name: str) -> Trajectories:
-        """The truth with its rows marked that are in a region, where that is asked for."""
+        """Return the truth with the rows in a region marked, if a rule says so."""
         if self.regions is None or IN_REGIONS not in self.texts or not len(truth.step):
             return truth
         return marked(truth, inside(self.regions, truth, tolerance, name))
 
-    def told(self, *, ignored: bool, excused: bool) -> Iterator[str]:
-        """What to say where no truth is ignored, or no estimate excused."""
+    def messages(self, *, ignored: bool, excused: bool) -> Iterator[str]:
+        """Yield messages where no truth is ignored, or no estimate excused."""
         if self.regions is not None and not excused:
-            found = "no state of the estimate is inside" if self.regions.shapes else "no regions"
-            yield f"{self.regions.name}: {found}"
+            what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
+            yield f"{self.regions.name}: {what}"
         if self.texts and not (ignored or excused):
             yield f"{option('ignore')} {listed(self.texts)}: no state fits, all are judged"
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """The estimate with its rows marked that are in a region, or at no time of the truth."""
+        """Return the estimate with rows marked that are in a region, or at no time of the truth."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)
@@ -237,7 +237,7 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """What the texts ask for, each one rule or several with commas; `max_speed` is for gaps.
+    """Parse rules, each text one rule or several with commas; `max_speed` is for gaps.
 
     Raises
     ------
@@ -268,29 +268,29 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
 
 
 def _rules(text: str) -> list[str]:
-    """One rule or several: ``class=Van,Person,marked`` has two, as a list of a settings file has.
+    """Split rules: ``class=Van,Person,marked`` has two, as a list of a settings file has.
 
     What is no rule of itself is another value of the one before.
     """
-    found: list[str] = []
+    rules: list[str] = []
     for part in (part.strip() for part in text.split(",")):
-        if found and part not in WORDS and not set("<>=") & {*part}:
-            found[-1] += f",{part}"
+        if rules and part not in WORDS and not set("<>=") & {*part}:
+            rules[-1] += f",{part}"
         else:
-            found.append(part)
-    return found
+            rules.append(part)
+    return rules
 
 
 def _values(truth: Reading, rule: Condition, name: str) -> Values:
-    """The values of the column of a rule, of each row of the truth."""
+    """Return the values of the column of a rule, of each row of the truth."""
     if rule.column != CLASS:
-        found = truth.trajectories.attributes.get(rule.column)
-        if found is None:
+        values = truth.trajectories.attributes.get(rule.column)
+        if values is None:
             raise ConfigError(
                 f"{option('ignore')} {quoted(rule.text)}: {name} has no column "
                 f"{quoted(rule.column)}; it has {listed(truth.trajectories.offered)}"
             )
-        return found
+        return values
     if truth.klass is None:
         raise ConfigError(f"{option('ignore')} {quoted(rule.text)}: {name} has no classes")
     return np.array(truth.classes, dtype=object)[truth.klass]

@@ -17,7 +17,7 @@ from tgospa_eval.distances import Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.evaluation.diagnosis.clock import (
-    LEAST_ERROR,
+    MIN_ERROR,
     MOVES,
     ROBUST,
     STRETCHES,
@@ -59,11 +59,11 @@ from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SURELY = 1.001
-"""By how much a test is passed more clearly than it has to be, since sums are rounded otherwise."""
+"""Margin by which a test must be passed, since sums are rounded otherwise."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
-    """Whether pairs of such a request can be evaluated together: the plain metric of points."""
+    """Return whether pairs of a request can be evaluated together: the plain metric of points."""
     solver, distance = request.solver, request.distance
     return (
         bool(kernels)
@@ -79,7 +79,7 @@ def can_be_joined(request: EvaluationRequest) -> bool:
 
 
 def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
-    """Whether a pair has points and the distance of the first, and coordinates of all digits."""
+    """Return whether a pair has points, the distance of the first, and exact coordinates."""
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
         pair.alignment.reports is None
@@ -122,11 +122,11 @@ class JoinedPairs:
         self.distance, self.sides = pairs[0].distance, (sides[0], sides[1])
 
     def reduced(self) -> States:
-        """The problem of all, and where the parts of each pair are in it."""
+        """Return the problem of all pairs, and note where the parts of each pair are in it."""
         resources = Resources(jobs=1)
-        seen, distance = self.distance.prepared(self.sides, resources)
-        near = prepared_pairs(seen, self.parameters.cutoff, distance, resources)
-        problem = NearPairs(sides=seen, distance=distance, pairs=near).problem(self.parameters)
+        prepared, distance = self.distance.prepared(self.sides, resources)
+        near = prepared_pairs(prepared, self.parameters.cutoff, distance, resources)
+        problem = NearPairs(sides=prepared, distance=distance, pairs=near).problem(self.parameters)
         states = merge_runs(problem)
         parts = np.arange(len(self.steps))
         of_pair = np.searchsorted(self.tracks[0], states.pair_truth, side="right") - 1
@@ -151,7 +151,7 @@ class JoinedPairs:
         )
 
     def sound(self) -> Mask:
-        """Pairs in which `diagnose` sees nothing wrong with clocks and states; others may be well.
+        """Return a mask of pairs in which `diagnose` sees nothing wrong; others may be well.
 
         Its first tests, on the same steps of all pairs at once. What is near a limit is not sound.
         """
@@ -182,15 +182,15 @@ class JoinedPairs:
         return sound & ~self._moved(here, looked_at[0], steps, pair)
 
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
-        """Pairs whose differences of near states may mostly be one and the same."""
+        """Return a mask of pairs whose near states may mostly differ by one displacement."""
         first, second = (
             side.side.state[side.row[rows[here.taken]]]
             for side, rows in zip(looked_at, here.rows, strict=True)
         )
-        apart, count = first - second, len(self.steps) - 1
+        differences, count = first - second, len(self.steps) - 1
         number = np.maximum(np.bincount(pair, minlength=count), 1)
         around, whole = np.zeros(count), np.zeros(count)
-        for column in apart.T:
+        for column in differences.T:
             mean = sum_by(pair, column, count) / number
             around += sum_by(pair, np.square(column - mean[pair]), count)
             whole += sum_by(pair, np.square(column), count)
@@ -198,7 +198,7 @@ class JoinedPairs:
         return displaced
 
     def _moved(self, here: StepCosts, truth: StepRows, steps: Ints, pair: Ints) -> Mask:
-        """Pairs that may fit better one step earlier or later."""
+        """Return a mask of pairs that may fit better one step earlier or later."""
         count, ways = len(self.steps) - 1, len(MOVES)
         moved = (steps + MOVES).clip(self.steps[pair], self.steps[pair + 1] - 1)
         truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, ways))
@@ -206,11 +206,11 @@ class JoinedPairs:
         there = step_costs(truths, estimates, self.parameters, self.distance)
         own, lost = (here.step[here.taken], there.step[there.taken]), (here.lost, there.lost)
         size = max(len(steps), 1)
-        usual = [_medians(here.lost, pair[own[0]], count)]
+        typical = [_medians(here.lost, pair[own[0]], count)]
         for way in range(ways):
             of_way = own[1] // size == way
-            usual.append(_medians(there.lost[of_way], pair[own[1][of_way] % size], count))
-        sharp = 1 / np.minimum(np.maximum(ROBUST * np.min(usual, axis=0), LEAST_ERROR), 1.0)
+            typical.append(_medians(there.lost[of_way], pair[own[1][of_way] % size], count))
+        sharp = 1 / np.minimum(np.maximum(ROBUST * np.min(typical, axis=0), MIN_ERROR), 1.0)
         gains = [
             sum_by(at, np.maximum(1 - sharp[pair[at % size]] * values, 0.0), ends)
             for at, values, ends in zip(own, lost, (len(steps), ways * len(steps)), strict=True)
@@ -221,21 +221,21 @@ class JoinedPairs:
         return better
 
     def costs(self) -> Iterator[Costs | None]:
-        """Bounds and breakdown of each, those of an evaluation by itself to the last bit.
+        """Yield bounds and breakdown of each, those of an evaluation by itself to the last bit.
 
         None of a pair that has to be evaluated by itself: it has costs that need another cutoff, or
         is not solved by what all are solved by.
         """
         self.states = states = self.reduced()
         problem = states.problem
-        weights, prices, alone = self._solve()
-        if problem.cost_slack:  # of powers near the smallest double
-            alone[:] = True
+        weights, prices, lone = self._solve()
+        if problem.cost_slack:  # powers near the smallest double are not exact
+            lone[:] = True
         whole = feasible(states, weights)
         lower = lower_bounds(states, prices).tolist()
         parts = break_down_parts(states, whole, (self.pairs, *self.rows, self.steps))
         blocks, unpaired = itertools.pairwise(self.blocks), zip(*self._unpaired(), strict=True)
-        for split, left, (low, high), skipped in zip(parts, unpaired, blocks, alone, strict=True):
+        for split, left, (low, high), skipped in zip(parts, unpaired, blocks, lone, strict=True):
             bounds = Bounds(
                 lower=lower_cost(problem, math.fsum((*lower[low:high], *left))),
                 upper=upper_cost(problem, split),
@@ -245,18 +245,18 @@ class JoinedPairs:
             yield costs if proven else None
 
     def _solve(self) -> tuple[Floats, Floats, Mask]:
-        """Weights (S,) and prices (K,), and which pairs have to be evaluated by themselves."""
+        """Return weights (S,) and prices (K,), and a mask of pairs to be evaluated separately."""
         states, price = self.states, self.parameters.switch_price
         weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
-        alone, most = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
+        separate, highest = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
         wanted = np.zeros(len(self.home), bool)
         if not len(wanted):
-            return weights, prices, alone
-        alone[self.home[fitting_scales(states) < 1]] = True
+            return weights, prices, separate
+        separate[self.home[fitting_scales(states) < 1]] = True
         wanted[solve_steps(states, weights, prices)] = True
-        np.maximum.at(most, self.home[wanted], price_cap(states)[wanted])
-        alone |= (most > 0) & (most < price)
-        wanted &= ~alone[self.home]
+        np.maximum.at(highest, self.home[wanted], price_cap(states)[wanted])
+        separate |= (highest > 0) & (highest < price)
+        wanted &= ~separate[self.home]
         if wanted.any():
             with np.errstate(under="ignore"):
                 ascent = Ascent(states, wanted, self.solver.gap, weights, prices)
@@ -264,16 +264,16 @@ class JoinedPairs:
                 part, state, slot = self._part(k)
                 solution = self.solver(part, Stopwatch())
                 weights[state], prices[slot] = solution.weights, solution.prices
-                alone[k] = bool(solution.reduced) or not solution.finished
-        return weights, prices, alone
+                separate[k] = bool(solution.reduced) or not solution.finished
+        return weights, prices, separate
 
     def _part(self, k: int) -> tuple[States, slice, slice]:
-        """The problem of one pair, as of itself, and where its states and column slots are."""
+        """Return the problem of one pair, and where its states and column slots are."""
         problem = self.states.problem
         part, state, slot = self.states.between(*self.blocks[k : k + 2])
         step, last = self.steps[k : k + 2].tolist()
         (truth, truths), (estimate, estimates) = (of[k : k + 2].tolist() for of in self.tracks)
-        (row, rows), (other, others) = (of[k : k + 2].tolist() for of in self.rows)
+        (row, rows), (other, other_end) = (of[k : k + 2].tolist() for of in self.rows)
         entry, entries = self.entries[k : k + 2].tolist()
         own = replace(
             problem,
@@ -283,9 +283,9 @@ class JoinedPairs:
             truth_step=problem.truth_step[row:rows] - np.int32(step),
             truth_track=problem.truth_track[row:rows] - np.int32(truth),
             truth_price=problem.truth_price[row:rows],
-            estimate_step=problem.estimate_step[other:others] - np.int32(step),
-            estimate_track=problem.estimate_track[other:others] - np.int32(estimate),
-            estimate_price=problem.estimate_price[other:others],
+            estimate_step=problem.estimate_step[other:other_end] - np.int32(step),
+            estimate_track=problem.estimate_track[other:other_end] - np.int32(estimate),
+            estimate_price=problem.estimate_price[other:other_end],
             truth_row=problem.truth_row[entry:entries] - np.int32(row),
             estimate_row=problem.estimate_row[entry:entries] - np.int32(other),
             cost=problem.cost[entry:entries],
@@ -304,7 +304,7 @@ class JoinedPairs:
         return states, state, slot
 
     def _unpaired(self) -> list[list[float]]:
-        """Of either side the cost of the objects of each pair that are in no component."""
+        """Return the cost of the objects of each pair that are in no component, by side."""
         costs = []
         sides = zip(self.states.problem.sides, self.states.track_blocks, self.rows, strict=True)
         for side, blocks, rows in sides:
@@ -315,7 +315,7 @@ class JoinedPairs:
 
 
 def _medians(values: Floats, group: Ints, count: int) -> Floats:
-    """Median of the values of each group, 1 of none."""
+    """Return the median of the values of each group, 1 of none."""
     order = np.lexsort((values, group))
     first = np.searchsorted(group[order], np.arange(count + 1))
     size, ordered = np.diff(first), np.append(values[order], 1.0)
@@ -324,7 +324,7 @@ def _medians(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _significances(values: Floats, group: Ints, count: int) -> Floats:
-    """`significance` of the values of each group, which come in order."""
+    """Return `significance` of the values of each group, which come in order."""
     size = np.bincount(group, minlength=count)
     parts = np.minimum(size, STRETCHES)
     of = np.arange(count).repeat(parts)
@@ -341,5 +341,5 @@ def _significances(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _ends(sizes: Iterable[int]) -> Ints:
-    """Where each part begins, and the end."""
+    """Return the begin of each part, and the end."""
     return np.concatenate(([0], np.cumsum([*sizes]))).astype(np.int32)

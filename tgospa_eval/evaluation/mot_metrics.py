@@ -73,13 +73,13 @@ class SimilarPairs:
     lengths: tuple[Ints, Ints]
 
     def cells(self) -> Ints:
-        """One number for each pair of tracks: that of its place in a matrix of all."""
+        """Return one number for each pair of tracks: that of its place in a matrix of all."""
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
-    def near(self, least: float) -> "SimilarPairs":
-        """Those with at least this similarity."""
-        kept = self.similarity >= least
+    def near(self, threshold: float) -> "SimilarPairs":
+        """Return the pairs with at least this similarity."""
+        kept = self.similarity >= threshold
         return SimilarPairs(
             step=self.step[kept],
             place=self.place[:, kept],
@@ -90,7 +90,7 @@ class SimilarPairs:
         )
 
     def disputed(self) -> Iterator[tuple[slice, tuple[Ints, Ints], Floats]]:
-        """Pairs, places and a matrix of zeros of each step where a state is in several pairs."""
+        """Yield pairs, places and a matrix of zeros for steps where a state is in several pairs."""
         several = np.zeros(len(self.step), bool)
         for place, size in zip(self.place, self.sizes, strict=True):
             state = (np.cumsum(size) - size)[self.step] + place
@@ -103,9 +103,9 @@ class SimilarPairs:
 
 
 def hota(pairs: SimilarPairs) -> Sums:
-    """HOTA: matches at every threshold, of one assignment that prefers tracks that go together."""
+    """Compute HOTA: matches at every threshold, of one assignment that prefers joint tracks."""
     similarity = pairs.similarity
-    union = similarity.copy()  # of undisputed pairs: s + s - s
+    union = similarity.copy()  # pairs without rivals have s + s - s
     for part, at, matrix in pairs.disputed():
         matrix[at] = similarity[part]
         union[part] = matrix.sum(0)[at[1]] + matrix.sum(1)[at[0]] - similarity[part]
@@ -123,8 +123,8 @@ def hota(pairs: SimilarPairs) -> Sums:
 
     matches, error = np.zeros(len(THRESHOLDS)), np.zeros(len(THRESHOLDS))
     association = np.zeros((3, len(THRESHOLDS)))
-    for k, least in enumerate(THRESHOLDS - TRACKEVAL_EPS):
-        matched = similarity >= least
+    for k, minimum in enumerate(THRESHOLDS - TRACKEVAL_EPS):
+        matched = similarity >= minimum
         matches[k] = np.count_nonzero(matched)
         error[k] = _by_step(step[matched], similarity[matched])
         count = np.bincount(cell[matched], minlength=len(cells))
@@ -142,7 +142,7 @@ def hota(pairs: SimilarPairs) -> Sums:
 
 
 def clear(pairs: SimilarPairs) -> Sums:
-    """CLEAR: an assignment step by step, which keeps the matches of the step before."""
+    """Compute CLEAR: an assignment step by step, which keeps the matches of the step before."""
     sizes, lengths = pairs.sizes, pairs.lengths
     pairs = pairs.near(THRESHOLD - TRACKEVAL_EPS)
     both = sizes.all(axis=0)
@@ -177,7 +177,7 @@ def clear(pairs: SimilarPairs) -> Sums:
 
 
 def identity(pairs: SimilarPairs) -> Sums:
-    """Identity: the assignment of whole tracks that shares most steps.
+    """Compute identity metrics: the assignment of whole tracks that shares most steps.
 
     Each truth has an estimate of its own beside the others, with which it shares nothing.
     """
@@ -207,20 +207,20 @@ METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
 
 
 def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
-    """Sums of several sequences as of one; ratios of matches are means over all matches."""
+    """Join sums of several sequences; ratios of matches are means over all matches."""
     sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
     if name == "hota":
         matches = sums["HOTA_TP"]
-        for key, least in (("AssA", 1.0), ("AssRe", 1.0), ("AssPr", 1.0), ("LocA", 1e-10)):
+        for key, minimum in (("AssA", 1.0), ("AssRe", 1.0), ("AssPr", 1.0), ("LocA", 1e-10)):
             weighted = sum([each[key] * each["HOTA_TP"] for each in every])
             if key == "LocA":
-                weighted = np.maximum(least, weighted)
-            sums[key] = weighted / np.maximum(least, matches)
+                weighted = np.maximum(minimum, weighted)
+            sums[key] = weighted / np.maximum(minimum, matches)
     return sums
 
 
 def finished(name: str, sums: Mapping[str, Any]) -> Sums:
-    """Numbers of `METRIC_FIELDS` that follow from the sums, and these."""
+    """Return numbers of `METRIC_FIELDS` that follow from the sums, and these."""
 
     def ratio(number: Any, *parts: Any) -> Any:
         return number / np.maximum(1.0, sum(parts))
@@ -255,7 +255,7 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 
 
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
-    """Pairs of the assignment with the largest score at each step.
+    """Return a mask of the assignment with the largest score at each step.
 
     `score` is that of the pairs of a step, > 0, from what is taken before; [-1] of that is False.
     """
@@ -273,13 +273,13 @@ def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Ma
 
 
 def _by_step(step: Ints, values: Floats) -> np.float64:
-    """Sum of the sums of the steps, each one after the other."""
+    """Return the sum of the sums of the steps, each one after the other."""
     total: np.float64 = np.bincount(step, values, 1).cumsum()[-1]
     return total
 
 
 def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
-    """Sums of rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
+    """Sum rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
 
     NumPy halves long rows, at multiples of 8; `index` is sorted.
     """
@@ -290,6 +290,6 @@ def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
         dense[:, index] = values
         return np.asarray(dense.sum(axis=1))
     half = size // 2 - size // 2 % 8
-    cut = int(np.searchsorted(index, half))
-    first = _as_dense(index[:cut], values[:, :cut], half)
-    return first + _as_dense(index[cut:] - half, values[:, cut:], size - half)
+    split = int(np.searchsorted(index, half))
+    first = _as_dense(index[:split], values[:, :split], half)
+    return first + _as_dense(index[split:] - half, values[:, split:], size - half)

@@ -29,7 +29,7 @@ from tgospa_eval.evaluation.mot_metrics import (
     combined,
     finished,
 )
-from tgospa_eval.evaluation.prepare import PreparedPair, clock_pairs
+from tgospa_eval.evaluation.prepare import PreparedPair, pairs_at_reports
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.results.records import OtherMetrics, PairProof
@@ -45,7 +45,7 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""What is kept of each metric, by the names of TrackEval; of arrays over thresholds the mean."""
+"""Numbers that are kept of each metric, by the names of TrackEval; of arrays the mean."""
 
 IOU = "iou"
 """The distance of states whose similarity is TrackEval's, to the bit."""
@@ -53,7 +53,7 @@ IOU = "iou"
 AT = "at"
 """Between the name of a metric and those of its fields with a number for each threshold."""
 
-LEAST = 1e-300
+MIN_SIMILARITY = 1e-300
 """A margin with which the search returns the boxes at its limit as well, that only touch."""
 
 
@@ -63,7 +63,7 @@ class ComputedMetrics:
 
     Parameters
     ----------
-    found : mapping
+    by_name : mapping
         Sums by metric.
     gospa : mapping of str to float, optional
         Per-step GOSPA, summed: total, localisation, missed, false.
@@ -71,16 +71,16 @@ class ComputedMetrics:
         Distance at which the similarity is 0.
     """
 
-    found: Mapping[str, Sums]
+    by_name: Mapping[str, Sums]
     gospa: Mapping[str, float] | None
     zero: float
 
     def sums(self) -> dict[str, float | list[float]]:
-        """What several are joined from, as plain values; `of_sums` is the way back."""
+        """Return the sums from which several are joined, as plain values, which `of_sums` reads."""
         sums: dict[str, float | list[float]] = {}
-        for name, found in self.found.items():
+        for name, numbers in self.by_name.items():
             for key in SUMMED_FIELDS[name]:
-                value = found[key]
+                value = numbers[key]
                 if np.ndim(value):
                     sums[f"{name}.{AT}.{key}"] = [float(each) for each in value]
                 else:
@@ -89,7 +89,7 @@ class ComputedMetrics:
 
 
 def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
-    """Other metrics in the form in which they can be joined, but for GOSPA.
+    """Return other metrics in the form in which they can be joined, but for GOSPA.
 
     Parameters
     ----------
@@ -100,14 +100,14 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Compu
     zero : float
         Distance at which the similarity is 0.
     """
-    found = {
+    by_name = {
         name: {
             key: np.asarray(sums[f"{name}.{AT}.{key}"]) if name == "hota" else sums[f"{name}.{key}"]
             for key in SUMMED_FIELDS[name]
         }
         for name in names
     }
-    return ComputedMetrics(found=found, gospa=None, zero=zero)
+    return ComputedMetrics(by_name=by_name, gospa=None, zero=zero)
 
 
 def other_metrics(
@@ -116,7 +116,7 @@ def other_metrics(
     resources: Resources,
     proof: PairProof | None = None,
 ) -> ComputedMetrics:
-    """Metrics by name, of two sides as they are compared.
+    """Return metrics by name, of two sides as they are compared.
 
     Where states are not judged, those of similarities are without them: see `problem.solution`.
 
@@ -134,10 +134,10 @@ def other_metrics(
     cutoff = prepared.parameters.cutoff
     largest = prepared.distance.largest
     zero = largest if largest < np.inf else 2 * cutoff
-    asked = [name for name in names if name in METRIC_FIELDS]
-    found = {}
+    requested = [name for name in names if name in METRIC_FIELDS]
+    by_name = {}
     with resources.stopwatch.span("other_metrics"):
-        if asked:
+        if requested:
             sides = prepared.sides
             if proof is not None and prepared.states.problem.unjudged is not None:
                 kept = evaluated_rows(proof.states, proof.weights)
@@ -152,37 +152,37 @@ def other_metrics(
                     f"{option('resample')} and {option('ignore')}; leave one out"
                 )
             pairs = _similar_pairs(sides, prepared.distance, zero, resources, prepared.reports)
-            found = {name: METRICS[name](pairs) for name in asked}
+            by_name = {name: METRICS[name](pairs) for name in requested}
         gospa = _gospa(prepared) if "gospa" in names else None
-    return ComputedMetrics(found=found, gospa=gospa, zero=zero)
+    return ComputedMetrics(by_name=by_name, gospa=gospa, zero=zero)
 
 
-def joined(others: Sequence[ComputedMetrics]) -> OtherMetrics:
-    """The record of one evaluation, or of several as one.
+def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
+    """Return the record of one evaluation, or of several as one.
 
     Several are joined as TrackEval joins sequences: matches are counted over all of them, and what
     is a ratio is one of these sums. Costs of GOSPA are means, as all costs of several runs are.
     """
-    first = others[0]
+    first = several[0]
     record: dict[str, dict[str, float]] = {}
-    for name in first.found:
-        each = [other.found[name] for other in others]
+    for name in first.by_name:
+        each = [other.by_name[name] for other in several]
         every = finished(name, each[0] if len(each) == 1 else combined(name, each))
         if name == "clear" and len(each) == 1 and not every["CLR_TP"] + every["CLR_FN"]:
-            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval says nothing of one without truth
+            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval has no value without truth
         record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
-        costs = [other.gospa for other in others if other.gospa is not None]
+        costs = [other.gospa for other in several if other.gospa is not None]
         record["gospa"] = {
             key: float(np.mean([cost[key] for cost in costs])) for key in first.gospa
         }
-    if first.found:
+    if first.by_name:
         record["similarity"] = {"zero": first.zero, "threshold": THRESHOLD}
     return record
 
 
 def _plain(value: Any) -> float:
-    """A number of Python: counts stay whole, of an array the mean."""
+    """Return a number of Python: counts stay whole, of an array the mean."""
     mean = np.mean(value) if np.ndim(value) else value
     return int(mean) if float(mean).is_integer() and not np.ndim(value) else float(mean)
 
@@ -205,16 +205,18 @@ def _similar_pairs(
     resources: Resources,
     reports: ClockReports | None,
 ) -> SimilarPairs:
-    """All pairs with a similarity above 0; tracks without a row do not count.
+    """Return all pairs with a similarity above 0; tracks without a row do not count.
 
     Their places are in the order of the files, which decides where sums are equal.
     """
     boxes = distance.name == IOU and reports is None
 
     def search(sides: Sides) -> Pairs:
-        return prepared_pairs(sides, zero, distance, resources, margin=LEAST if boxes else 0.0)
+        return prepared_pairs(
+            sides, zero, distance, resources, margin=MIN_SIMILARITY if boxes else 0.0
+        )
 
-    near = search(sides) if reports is None else clock_pairs(reports, sides, search)
+    near = search(sides) if reports is None else pairs_at_reports(reports, sides, search)
     rows = near.truth_row, near.estimate_row
     starts, place, track, lengths = [], [], [], []
     for side, row in zip(sides, rows, strict=True):

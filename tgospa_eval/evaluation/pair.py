@@ -76,9 +76,9 @@ class PairEvaluation(Evaluation):
     explained: Explanation | None = None
 
     def to_dict(self) -> Json:
-        """The JSON document as plain Python values."""
-        found = {} if self.explained is None else {"explanation": self.explained.record()}
-        return super().to_dict() | found
+        """Return the JSON document as plain Python values."""
+        explanation = {} if self.explained is None else {"explanation": self.explained.record()}
+        return super().to_dict() | explanation
 
     @cached_property
     def tracked(self) -> Tracked:
@@ -92,7 +92,7 @@ class PairEvaluation(Evaluation):
 
     @cached_property
     def is_unique(self) -> bool:
-        """Whether the assignment is proven to be the only best one."""
+        """True if the assignment is proven to be the only best one."""
         return is_unique(self.proof, self.gap)
 
     def _of_tracks(self, name: str) -> Columns:
@@ -104,40 +104,40 @@ class PairEvaluation(Evaluation):
         return self._per_track(k, (self.labels.truths, self.labels.estimates)[k])
 
     def _assignments(self) -> Columns:
-        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+        """Return pairs that both exist, are nearer than the cutoff, and are assigned."""
         problem = self.proof.states.problem
-        found = read_assigned(self.proof.states, self.proof.weights)
+        assigned = read_assigned(self.proof.states, self.proof.weights)
         cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
         return {
-            "t": [self.labels.times[k] for k in found.step],
-            "truth": [self.labels.truths[i] for i in found.truth],
-            "estimate": [self.labels.estimates[j] for j in found.estimate],
-            "weight": found.weight.tolist(),
-            "distance": (cutoff * problem.powers(found.entry) ** (1 / p)).tolist(),
-            "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
-            **self._marks(found.entry),
+            "t": [self.labels.times[k] for k in assigned.step],
+            "truth": [self.labels.truths[i] for i in assigned.truth],
+            "estimate": [self.labels.estimates[j] for j in assigned.estimate],
+            "weight": assigned.weight.tolist(),
+            "distance": (cutoff * problem.powers(assigned.entry) ** (1 / p)).tolist(),
+            "cost": (self.scale * problem.cost[assigned.entry] * assigned.weight).tolist(),
+            **self._marks(assigned.entry),
             **{name: or_none(values) for name, values in self.assigned.items()},
         }
 
     def _marks(self, entry: Ints) -> Columns:
-        """Whether the truth of each pair is ignored, where any is."""
+        """Return whether the truth of each pair is ignored, where any is."""
         problem = self.proof.states.problem
         if problem.unjudged is None:
             return {}
         return {"ignored": problem.unjudged[0][problem.truth_row[entry]].astype(int).tolist()}
 
     def _switches(self) -> Columns:
-        """Changes of each truth's assignment, from its largest loss to its largest gain."""
-        found = read_switches(self.proof.states, self.proof.weights)
-        named = [*self.labels.estimates, None]  # the last is that of -1
-        price = self.proof.states.problem.switch_price_at[found.step]
+        """Return changes of each truth's assignment, from its largest loss to its largest gain."""
+        switches = read_switches(self.proof.states, self.proof.weights)
+        named = [*self.labels.estimates, None]  # the last one is the name of -1
+        price = self.proof.states.problem.switch_price_at[switches.step]
         return {
-            "t": [self.labels.times[k] for k in found.step.tolist()],
-            "truth": [self.labels.truths[i] for i in found.truth.tolist()],
-            "from": [named[j] for j in found.before.tolist()],
-            "to": [named[j] for j in found.after.tolist()],
-            "mass": (0.5 * found.variation).tolist(),
-            "cost": (self.scale * price * found.variation).tolist(),
+            "t": [self.labels.times[k] for k in switches.step.tolist()],
+            "truth": [self.labels.truths[i] for i in switches.truth.tolist()],
+            "from": [named[j] for j in switches.before.tolist()],
+            "to": [named[j] for j in switches.after.tolist()],
+            "mass": (0.5 * switches.variation).tolist(),
+            "cost": (self.scale * price * switches.variation).tolist(),
         }
 
     def _per_track(self, k: int, ids: list[str]) -> Columns:
@@ -148,7 +148,7 @@ class PairEvaluation(Evaluation):
         return table | self._of_assigned(side, len(ids)) | self.summarised.columns(f"per_{side}")
 
     def step_numbers(self) -> Arrays:
-        """Counts of states, and other metrics that add up, of each step, (T,) each.
+        """Return counts of states, and other metrics that add up, of each step, (T,) each.
 
         ``truth_states``, ``estimate_states`` and ``assigned_states`` as in the summary;
         ``nees.total`` of ``nees.pairs`` pairs, where there are covariances; ``gospa`` and its parts
@@ -162,12 +162,12 @@ class PairEvaluation(Evaluation):
             "assigned_states": sum_by(step[tracked.at], weight, size),
         }
         if NEES in self.assigned:
-            found, nees = (
+            assigned, nees = (
                 read_assigned(self.proof.states, self.proof.weights),
                 self.assigned[NEES],
             )
             known = ~np.isnan(nees)
-            of_step, mass = found.step[known], found.weight[known]
+            of_step, mass = assigned.step[known], assigned.weight[known]
             numbers[f"{NEES}.total"] = sum_by(of_step, mass * nees[known], size)
             numbers[f"{NEES}.pairs"] = sum_by(of_step, mass, size)
         if "gospa" in self.with_:
@@ -182,11 +182,11 @@ class PairEvaluation(Evaluation):
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))
 
     def _of_assigned(self, by: str, size: int) -> Columns:
-        """Parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
+        """Return parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
         if not self.assigned:
             return {}
-        found = read_assigned(self.proof.states, self.proof.weights)
-        index = getattr(found, by)
+        assigned = read_assigned(self.proof.states, self.proof.weights)
+        index = getattr(assigned, by)
         table: Columns = {
             name: sum_by(index, values, size).tolist()
             for name, values in self.assigned.items()
@@ -194,17 +194,17 @@ class PairEvaluation(Evaluation):
         }
         if NEES in self.assigned:
             components = len(self.proof.compared.columns)
-            table |= mean_nees(index, found.weight, self.assigned[NEES], components, size)
+            table |= mean_nees(index, assigned.weight, self.assigned[NEES], components, size)
         return table
 
 
 def explanation_of(evaluation: Evaluation) -> Explanation | None:
-    """The repairs that were asked for, if there are any."""
+    """Return the requested repairs, if there are any."""
     return evaluation.explained if isinstance(evaluation, PairEvaluation) else None
 
 
 def source_of(result: PairEvaluation) -> "tuple[AlignedPair, EvaluationRequest]":
-    """What was evaluated, and how: enough to evaluate something like it.
+    """Return the data and the request: enough to evaluate something like it.
 
     Raises
     ------
@@ -238,16 +238,16 @@ class EvaluationByClass(Evaluation):
 
     @property
     def is_unique(self) -> bool:
-        """Whether the assignment of each class is proven to be the only best one."""
+        """True if the assignment of each class is proven to be the only best one."""
         return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
-        """Class by class, with the class in front."""
+        """Return tables of tracks class by class, with the class in front."""
         tables = {part: made.table(name) for part, made in self.results.items()}
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
         for column in dict.fromkeys(name for table in tables.values() for name in table):
-            joined[column] = [  # what is not judged, which some classes have none of
+            joined[column] = [  # some classes have no states that are not judged
                 value
                 for part, table in tables.items()
                 for value in table.get(column, [0] * sizes[part])
@@ -255,7 +255,7 @@ class EvaluationByClass(Evaluation):
         return joined
 
     def _per_class(self) -> Columns:
-        """Value and costs of each class; the costs add up, the values do not."""
+        """Return the value and costs of each class; the costs add up, the values do not."""
         names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
         return {"class": list(self.results)} | {
@@ -263,7 +263,7 @@ class EvaluationByClass(Evaluation):
         }
 
     def to_dict(self) -> Json:
-        """The document of the sum, with those of the classes."""
+        """Return the document of the sum, with those of the classes."""
         return super().to_dict() | {
             "by_class": {name: part.to_dict() for name, part in self.results.items()}
         }
@@ -272,7 +272,7 @@ class EvaluationByClass(Evaluation):
 def add_up(
     results: Mapping[str, PairEvaluation], files: Sequence[Json], read: float
 ) -> EvaluationByClass:
-    """The sum of the results of all classes.
+    """Return the sum of the results of all classes.
 
     Parameters
     ----------
@@ -317,8 +317,8 @@ def add_up(
                 total=math.fsum(split.total for split in splits),
             ),
         ),
-        traced=_sum_of_brackets([part.traced for part in parts]),
-        slid=_sum_of_brackets([part.slid for part in parts]),
+        curve_bounds=_sum_of_brackets([part.curve_bounds for part in parts]),
+        window_bounds=_sum_of_brackets([part.window_bounds for part in parts]),
         labels=replace(
             first.labels,
             truths=[name for part in parts for name in part.labels.truths],
@@ -355,29 +355,29 @@ def add_up(
         split=_sum_of_splits([part.split for part in parts]),
         unjudged=Unjudged.joined([part.unjudged for part in parts if part.unjudged is not None]),
         nees=NeesSums.joined([part.nees for part in parts if part.nees is not None]),
-        sliced=tuple(added_up([part.sliced for part in parts])),
+        slicings=tuple(added_up([part.slicings for part in parts])),
         warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),
     )
 
 
-def _sum_of_brackets(found: list[B | None]) -> B | None:
-    """Of all classes, on the same stretches of steps."""
-    asked = [part for part in found if part is not None]
-    if not asked:
+def _sum_of_brackets(parts: list[B | None]) -> B | None:
+    """Add up the brackets of all classes, on the same stretches of steps."""
+    known = [part for part in parts if part is not None]
+    if not known:
         return None
     sums = {
-        field.name: np.sum([getattr(part, field.name) for part in asked], axis=0)
+        field.name: np.sum([getattr(part, field.name) for part in known], axis=0)
         for field in fields(Brackets)
     }
-    rounding = (len(asked) + 1) * 2.0**-53
+    rounding = (len(known) + 1) * 2.0**-53
     sums["lower"] *= 1 - rounding
     sums["upper"] *= 1 + rounding
-    return replace(asked[0], **sums)
+    return replace(known[0], **sums)
 
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
-    """The record of a file, with the rows that the grid left out and a digest of its classes."""
-    # Those of the other file are left out: the truth has a digest of its own.
+    """Return the record of a file, with the rows left out and a digest of its classes."""
+    # Numbers of the other file are left out: the truth has a digest of its own.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())
@@ -391,12 +391,12 @@ def _joined_digest(digests: Iterable[tuple[str, str]]) -> str:
 
 
 def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float] | None:
-    found = [split for split in splits if split is not None]
-    return _sums(found) if len(found) == len(splits) else None
+    known = [split for split in splits if split is not None]
+    return _sums(known) if len(known) == len(splits) else None
 
 
 def _sum_of_times(parts: list[Json], read: float) -> Json:
-    """Sums of seconds by name; the time per state is no sum and left out."""
+    """Sum seconds by name; the time per state is no sum and left out."""
     no_sums = ("solve", "nanoseconds_per_state")
     flat = [{k: v for k, v in part.items() if k not in no_sums} for part in parts]
     total = _sums([*flat, {"read": read, "total": read}])
@@ -404,6 +404,6 @@ def _sum_of_times(parts: list[Json], read: float) -> Json:
 
 
 def _sums(parts: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Sums of numbers by name; what some do not have is 0 of these."""
+    """Sum numbers by name; a missing one is 0."""
     names = dict.fromkeys(name for part in parts for name in part)
     return {name: math.fsum(part.get(name, 0.0) for part in parts) for name in names}

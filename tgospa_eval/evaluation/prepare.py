@@ -15,7 +15,7 @@ from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.base import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
+from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, with_outages
 from tgospa_eval.evaluation.memory import check_pairs
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.metric_family import (
@@ -103,7 +103,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """The problem of pairs that include all nearer than the cutoff."""
+        """Return the problem of pairs that include all nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -112,7 +112,7 @@ class MeasuredSides(ComparedSides):
         return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
-        """With the reduced problem, ready for a solver."""
+        """Return the pair with the reduced problem, ready for a solver."""
         settings = {**parameters.recorded, **self.settings}
         return recast(self, PreparedPair, parameters=parameters, states=states, settings=settings)
 
@@ -147,7 +147,7 @@ class PreparedPair(MeasuredSides):
 
     @property
     def compared(self) -> ComparedSides:
-        """What a proof says of the two sides."""
+        """Sides of the proof."""
         kept = vars(self)
         return ComparedSides(**{field.name: kept[field.name] for field in fields(ComparedSides)})
 
@@ -159,13 +159,13 @@ def prepare(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> PreparedPair:
-    """The problem of two sides, all before the solver."""
+    """Build the problem of two sides, all before the solver."""
     measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
     with stopwatch.span("solve/preparation"):
         problem = measured.problem(near, request.parameters)
-        del near  # the distances are as long as the entries
+        del near  # frees memory: the distances are as long as the entries
         states = merge_runs(problem)
     return measured.prepared(states, request.parameters)
 
@@ -206,12 +206,14 @@ class NearPairs:
         cutoff: float,
         resources: Resources,
     ) -> "NearPairs":
-        """Both sides as they are compared, and their pairs that matter at such a cutoff."""
+        """Return both sides as they are compared, and their pairs that matter at such a cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
-        kinds = distance.kinds
-        seen = aligned.truth.reduced_to(kinds), aligned.estimate.reduced_to(kinds)
+        compared = (
+            aligned.truth.reduced_to(distance.kinds),
+            aligned.estimate.reduced_to(distance.kinds),
+        )
         raw = distance
-        sides, distance = distance.prepared(seen, resources)
+        sides, distance = distance.prepared(compared, resources)
         margin = 0.0
         if unjudged is not None and unjudged[0].any():
             margin = distance.margin(sides, cutoff)
@@ -228,12 +230,12 @@ class NearPairs:
         else:
 
             def at_reports(both: Sides) -> Pairs:
-                seen = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
-                return pairs_of(raw.prepared(seen, resources)[0], reach_of(both[0], request))
+                compared = both[0].reduced_to(raw.kinds), both[1].reduced_to(raw.kinds)
+                return pairs_of(raw.prepared(compared, resources)[0], reach_of(both[0], request))
 
-            pairs = clock_pairs(reports, (aligned.truth, aligned.estimate), at_reports)
-            most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
-            pairs = pairs.chosen(np.flatnonzero(pairs.distance <= most))
+            pairs = pairs_at_reports(reports, (aligned.truth, aligned.estimate), at_reports)
+            widest = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
+            pairs = pairs.chosen(np.flatnonzero(pairs.distance <= widest))
         return cls(
             sides=sides,
             distance=distance,
@@ -244,7 +246,7 @@ class NearPairs:
         )
 
     def problem(self, parameters: Parameters) -> Problem:
-        """The problem of these pairs, with what is not judged."""
+        """Return the problem of these pairs, with the states that are not judged."""
         (truth, estimate), pairs, near, at_cutoff = self.sides, self.pairs, None, 0
         if self.unjudged is not None:
             near = pairs.distance < parameters.cutoff
@@ -276,7 +278,7 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Pairs whose gain jumps with the distance, and where: the cutoff, with a truth's reach.
+        """Return pairs whose gain jumps with the distance, and where: the cutoff, with a reach.
 
         Those of an ignored truth and an estimate that is not excused; all others gain less and
         less up to the cutoff, so that no rounding there matters.
@@ -288,15 +290,17 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
-def clock_pairs(clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
-    """Pairs of rows on a common clock, by a search at the stamps of the reports."""
+def pairs_at_reports(
+    clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]
+) -> Pairs:
+    """Return pairs of rows on a common clock, by a search at the stamps of the reports."""
     none = np.zeros(0, np.int64)
-    found: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
+    blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
     for (truth, reports), rows in clock.blocks():
         part = search((truth, reports))
         track = clock.number(truth)[truth.track[part.truth_row]]
-        found.append((track, rows[part.estimate_row], part.distance))
-    track, report, distance = map(np.concatenate, zip(*found, strict=True))
+        blocks.append((track, rows[part.estimate_row], part.distance))
+    track, report, distance = map(np.concatenate, zip(*blocks, strict=True))
     row, other, length = clock.on_clock((track, report, distance), sides)
     return Pairs(truth_row=row, estimate_row=other, distance=length)
 
@@ -307,7 +311,7 @@ def recorded_settings(
     columns: tuple[str, ...],
     reports: "ClockReports | None" = None,
 ) -> dict[str, object]:
-    """Every option that changes the number, without parameters and those of the solver."""
+    """Return every option that changes the number, without parameters and those of the solver."""
     return {
         "distance": distance.name,
         **distance.settings(columns),
@@ -329,7 +333,7 @@ def measure(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> tuple[MeasuredSides, "NearPairs"]:
-    """Both sides as they are compared, and all pairs nearer than the cutoff.
+    """Return both sides as they are compared, and all pairs nearer than the cutoff.
 
     `files` are those of the two sides, as of `input_record`; by default their rows.
     """
@@ -344,7 +348,7 @@ def measure(
         truth, estimate = (
             side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
-        scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
+        scene: dict[str, Any] = {  # as read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
@@ -371,7 +375,7 @@ def measure(
             estimates=estimate.ids.tolist(),
             unit=request.unit,
         ),
-        moments=truth.times,
+        timestamps=truth.times,
         settings=recorded_settings(distance, request, truth.columns, aligned.reports),
         recorded=recorded,
         **scene,
@@ -387,7 +391,7 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """How far beyond the cutoff each row of the truth may be followed, if any may."""
+    """Return how far beyond the cutoff each row of the truth may be followed, if any may."""
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
     if not speed or AWAY not in truth.attributes:  # nothing was interpolated
         return None
@@ -402,7 +406,7 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
+    """Return near pairs, and those of truths in gaps within their `reach` beyond the cutoff.
 
     With the cutoff comes its margin, up to which there are pairs as well.
     """
@@ -411,14 +415,14 @@ def with_far_pairs(
         return pairs
     gaps = sides[0].chosen(rows)
     margin = cutoff[1]
-    most = cutoff[0] + float(reach.max())
-    far = prepared_pairs((gaps, sides[1]), most, distance, resources, margin=margin)
+    widest = cutoff[0] + float(reach.max())
+    far = prepared_pairs((gaps, sides[1]), widest, distance, resources, margin=margin)
     row = rows[far.truth_row]
     kept = far.distance <= cutoff[0] + reach[row] + margin
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
     estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
     both = truth_row.astype(np.int64) * max(len(sides[1].step), 1) + estimate_row
-    first = np.unique(both, return_index=True)[1]  # near ones are in both
+    first = np.unique(both, return_index=True)[1]  # near pairs are in both lists
     value = np.concatenate((pairs.distance, far.distance[kept]))
     return Pairs(
         truth_row=truth_row[first], estimate_row=estimate_row[first], distance=value[first]
@@ -426,15 +430,15 @@ def with_far_pairs(
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
-    """Ignored rows of the truth and excused rows of the estimate, if there are any."""
+    """Return ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    found = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
-    return found if any(mask.any() for mask in found) else None
+    masks = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
+    return masks if any(mask.any() for mask in masks) else None
 
 
-def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
-    """What a value is judged on: the digest of the truth that counts, and that of the regions."""
+def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
+    """Return the digest of the truth that counts, and of the regions."""
     regions = None if request.ignoring is None else request.ignoring.regions
     if regions is None:
         return truth
@@ -444,7 +448,7 @@ def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
 def _recorded(
     sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Coverage]:
-    """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
+    """Return rows and digests of both sides, and the digest of what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
@@ -454,15 +458,15 @@ def _recorded(
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
-    judged = judge(sides.axis.horizon, counts, digest_of_judged(request, sha256))
+    evaluated_on = judge(sides.axis.horizon, counts, digest_of_evaluated(request, sha256))
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
-    found = {
+    records = {
         role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
         for role, file, sha256, (off_grid, off_steps) in zip(
             ("truth", "estimate"), files, digests, left_out, strict=True
         )
     }
-    return found, judged
+    return records, evaluated_on
 
 
 def fit(
@@ -472,7 +476,7 @@ def fit(
     names: tuple[str, str] = ("truth", "estimate"),
     placed: Callable[[Sides], Axis] | None = None,
 ) -> AlignedPair:
-    """Both sides on the same steps, and the distance with what it takes from the data.
+    """Return both sides on the same steps, and the distance with its settings of the data.
 
     `placed` brings them to steps that were found before, by default those that are asked for.
 
@@ -494,7 +498,7 @@ def fit(
         across = NOT_COUNTED if request.ignoring is not None and request.ignoring.gaps else ""
         cutoff = request.parameters.cutoff
         axis = on_axis(given, time_matching, distance, names, cutoff, across)
-        axis = charged(axis, time_matching, distance, names, cutoff)
+        axis = with_outages(axis, time_matching, distance, names, cutoff)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
@@ -502,11 +506,11 @@ def fit(
         near = request.time_matching.near
         truth = request.ignoring.ignore_inside(truth, near, names[0])
         estimate = request.ignoring.excuse(estimate, given[0], near, names)
-    silent = axis.outages.ticks if axis.outages is not None and axis.outages.charged else None
+    silent = axis.outages.ticks if axis.outages is not None and axis.outages.counted else None
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.reports is not None:
         aligned = replace(aligned, reports=axis.reports)
-    if time_matching.of_estimate:  # its stamps, and those of its outages, are the horizon
+    if time_matching.of_estimate:  # the horizon has its stamps and those of its outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -526,7 +530,7 @@ def fit(
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """The weights of the steps as a document names them: by their digest."""
+    """Return the weights of the steps as a document names them: by their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

@@ -1,4 +1,4 @@
-"""What benchmarks leave out before they evaluate, or what it means in marks.
+"""Rows that benchmarks leave out before they evaluate, or mark.
 
 MOTChallenge of 2016 and 2017, and KITTI in the image, match at each step the boxes of the estimate
 with those of the truth, one to one: the sum of their IoU is largest, and only pairs with an IoU of
@@ -45,26 +45,26 @@ NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting")}
 """Classes that KITTI judges, and those that a tracker may take for them."""
 
 HIDDEN = ("truncated", "occluded")
-MOST_OCCLUDED, LEAST_HEIGHT = 2, 25
+MAX_OCCLUDED, MIN_HEIGHT = 2, 25
 """A truth that is more occluded, or truncated at all, is not judged; estimates are to be higher."""
 
-LEAST_MATCH = 0.5 - TRACKEVAL_EPS
+MIN_MATCH = 0.5 - TRACKEVAL_EPS
 """IoU from which boxes match."""
 
-MOST_INSIDE = 0.5 + TRACKEVAL_EPS
+MAX_INSIDE = 0.5 + TRACKEVAL_EPS
 """Share of a box in a region DontCare that it may have."""
 
 
-class Judgement(NamedTuple):
-    """What a benchmark says of the rows of both sides.
+class RowRoles(NamedTuple):
+    """Roles of the rows of both sides in a benchmark.
 
-    `judged` and `neutral` rows of the truth: those that are to be found, and those that may be.
+    `evaluated` and `neutral` rows of the truth: those that are to be found, and those that may be.
     Rows of the estimate that the benchmark has `removed`, and those that are `excused` wherever
     they are matched.
     """
 
     truth: Reading
-    judged: Mask
+    evaluated: Mask
     neutral: Mask
     removed: Mask
     excused: Mask
@@ -77,7 +77,7 @@ def preprocessed(
     names: tuple[str, str],
     regions: Regions | None,
 ) -> tuple[Reading, Reading]:
-    """Truth and estimate as a benchmark evaluates them.
+    """Return truth and estimate as a benchmark evaluates them.
 
     Parameters
     ----------
@@ -114,25 +114,25 @@ def preprocessed(
     if benchmark == "motchallenge":
         if truth.klass is None:
             raise ConfigError(f"{chosen}: {names[0]} has no classes, column 8")
-        found = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
+        roles = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
     elif benchmark == "kitti":
-        found = _kitti(truth, estimate, names)
+        roles = _kitti(truth, estimate, names)
     elif benchmark == "visdrone":
-        found = _visdrone(truth, estimate, names)
+        roles = _visdrone(truth, estimate, names)
     else:
-        found = _in_regions(truth, estimate, regions, names)
+        roles = _in_regions(truth, estimate, regions, names)
     if how != IGNORE:
-        return kept_rows(found.truth, found.judged), kept_rows(estimate, ~found.removed)
-    kept = found.judged | found.neutral
-    truth = kept_rows(found.truth, kept)
+        return kept_rows(roles.truth, roles.evaluated), kept_rows(estimate, ~roles.removed)
+    kept = roles.evaluated | roles.neutral
+    truth = kept_rows(roles.truth, kept)
     return (
-        replace(truth, trajectories=marked(truth.trajectories, found.neutral[kept])),
-        replace(estimate, trajectories=marked(estimate.trajectories, found.excused)),
+        replace(truth, trajectories=marked(truth.trajectories, roles.neutral[kept])),
+        replace(estimate, trajectories=marked(estimate.trajectories, roles.excused)),
     )
 
 
 def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:
-    """That numbers which tables of a benchmark have are made of more here than there.
+    """Warn where numbers are made of more rows here than in the tables of a benchmark.
 
     Parameters
     ----------
@@ -172,55 +172,55 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
         )
 
 
-def judged_class(classes: tuple[str, ...] | None, rule: str) -> str:
-    """The class of KITTI that is judged, of those of the truth that are asked for.
+def evaluated_class(classes: tuple[str, ...] | None, rule: str) -> str:
+    """Return the requested class of the truth, as KITTI evaluates it.
 
     Raises
     ------
     ConfigError
         It is not one of them.
     """
-    asked = [name.strip().casefold() for name in classes or ()]
-    if len(asked) != 1 or asked[0] not in NEIGHBOURS:
+    requested = [name.strip().casefold() for name in classes or ()]
+    if len(requested) != 1 or requested[0] not in NEIGHBOURS:
         given = f", not for {quoted(','.join(classes))}" if classes else ""
         raise ConfigError(
             f"{option('preprocess', rule)}: is for one class{given}: {option('class_', 'car')} or "
             f"{option('class_', 'pedestrian')}"
         )
-    return asked[0]
+    return requested[0]
 
 
 def _motchallenge(
     truth: Reading, estimate: Reading, everything: Reading, names: tuple[str, str], *, whole: bool
-) -> Judgement:
-    """Of the truth the pedestrians remain whose flag is not 0; distractors may be followed."""
+) -> RowRoles:
+    """Keep the pedestrians of the truth whose flag is not 0; distractors may be followed."""
     distractors = _of_classes(everything, DISTRACTORS)
     removed = _on(distractors, _matched(everything, estimate, names))
     if not whole:
         pedestrians = _of_classes(truth, (PEDESTRIAN,))
-        return Judgement(truth, pedestrians, ~pedestrians, removed, removed)
-    judged = _of_classes(everything, (PEDESTRIAN,))
-    judged &= everything.trajectories.attributes["conf"] != 0
-    return Judgement(everything, judged, distractors, removed, np.zeros_like(removed))
+        return RowRoles(truth, pedestrians, ~pedestrians, removed, removed)
+    evaluated = _of_classes(everything, (PEDESTRIAN,))
+    evaluated &= everything.trajectories.attributes["conf"] != 0
+    return RowRoles(everything, evaluated, distractors, removed, np.zeros_like(removed))
 
 
-def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
-    """Of the truth the class that is asked for remains, where it is to be seen."""
+def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
+    """Keep the requested class of the truth, where it is visible."""
     truncated, occluded = (truth.trajectories.attributes[name] for name in HIDDEN)
     neighbours = sorted(set().union(*NEIGHBOURS.values()), key=str.casefold)
     neutral = _of_classes(truth, tuple(neighbours))
-    neutral |= (np.trunc(occluded) > MOST_OCCLUDED) | (np.trunc(truncated) > 0)
+    neutral |= (np.trunc(occluded) > MAX_OCCLUDED) | (np.trunc(truncated) > 0)
     match = _matched(truth, estimate, names)
     boxes = estimate.trajectories
-    excused = boxes.state[:, 3] <= LEAST_HEIGHT + TRACKEVAL_EPS
+    excused = boxes.state[:, 3] <= MIN_HEIGHT + TRACKEVAL_EPS
     if truth.regions is not None:
-        excused |= inside(truth.regions, boxes, 0.0, names[1], MOST_INSIDE)
+        excused |= inside(truth.regions, boxes, 0.0, names[1], MAX_INSIDE)
     removed = np.where(match >= 0, _on(neutral, match), excused)
-    return Judgement(truth, ~neutral, neutral, removed, excused)
+    return RowRoles(truth, ~neutral, neutral, removed, excused)
 
 
-def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
-    """As of UA-DETRAC, in whole pixels: a region begins one before its left and upper edge."""
+def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
+    """Return roles as of UA-DETRAC, in whole pixels: regions begin one before their edges."""
     wider = np.array([-1.0, -1.0, 1.0, 1.0])
     regions = truth.regions and replace(
         truth.regions,
@@ -237,25 +237,25 @@ def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judg
 
 
 def _pixels(boxes: Floats) -> Floats:
-    """Boxes in whole pixels, from 1 on, halves up."""
+    """Return boxes in whole pixels, from 1 on, halves up."""
     return np.maximum(np.floor(boxes + 0.5), 1.0)
 
 
 def _in_regions(
     truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
-) -> Judgement:
-    """Nothing in a region is judged."""
+) -> RowRoles:
+    """Return roles without any state in a region."""
     within, excused = (
         np.zeros(side.taken, bool)
         if regions is None
         else inside(regions, side.trajectories, 0.0, name)
         for side, name in zip((truth, estimate), names, strict=True)
     )
-    return Judgement(truth, ~within, within, excused, excused)
+    return RowRoles(truth, ~within, within, excused, excused)
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
-    """Rows of these classes, in capitals or not."""
+    """Return a mask of rows of these classes, in capitals or not."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
     known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
@@ -263,17 +263,17 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
 
 
 def _on(neutral: Mask, match: Ints) -> Mask:
-    """Which rows are matched with a neutral truth."""
+    """Return a mask of the rows that are matched with a neutral truth."""
     return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
 
 def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
-    """The row of the truth that each row of the estimate matches; -1 for none."""
+    """Return the row of the truth that each row of the estimate matches; -1 for none."""
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
     aligned = align(truth.trajectories, estimate.trajectories, TimeMatching(), names)
     sides = aligned.truth, aligned.estimate
-    found = np.full(len(aligned.estimate.step), -1)
+    matches = np.full(len(aligned.estimate.step), -1)
     starts = [starts_of_steps(side) for side in sides]
     orders = [file_order(side.step, side.attributes) for side in sides]
     for step in range(len(sides[0].times)):
@@ -282,15 +282,15 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
             for order, start in zip(orders, starts, strict=True)
         )
         overlap = overlaps(sides[0].state[rows][:, None], sides[1].state[columns])
-        overlap[overlap < LEAST_MATCH] = 0.0
+        overlap[overlap < MIN_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
         some = overlap[i, j] > TRACKEVAL_EPS
-        found[columns[j[some]]] = rows[i[some]]
-    return found
+        matches[columns[j[some]]] = rows[i[some]]
+    return matches
 
 
 def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
-    """The rows that stay, at the steps of the whole file, and how many an option leaves out."""
+    """Return the rows that stay, at the steps of the whole file, and count those left out."""
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading

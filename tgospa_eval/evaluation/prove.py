@@ -47,7 +47,7 @@ def solve(
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
 ) -> PairEvaluation:
-    """The second half: solution, proof, result; the problem can be solved again."""
+    """Solve a prepared problem and return the result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
     return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, request)
 
@@ -59,7 +59,7 @@ def prove(
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
 ) -> PairEvaluation:
-    """What a solution proves of a problem; a disposable one loses its weights.
+    """Return the result of a solution; a disposable one loses its weights.
 
     The curve and windows are those that the request asks for, if there is one.
     """
@@ -76,22 +76,22 @@ def prove(
         reduced=solution.reduced,
         compared=prepared.compared,
     )
-    traced = slid = None
+    curve_bounds = window_bounds = None
     whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
     known = solution.reduced, stopwatch.progress
     if request and request.curve:
         from tgospa_eval.evaluation.curve import trace  # lazy: only when it is asked for
 
         with stopwatch.span("curve"):
-            traced = trace(*whole, *known)
+            curve_bounds = trace(*whole, *known)
     if request and request.sliding is not None:
         sliding = request.sliding
         from tgospa_eval.evaluation.curve import slide  # lazy: only when it is asked for
 
         with stopwatch.span("windows"):
-            slid = slide(*whole, sliding.spans(prepared.moments), *known)
-            slid = replace(
-                slid,
+            window_bounds = slide(*whole, sliding.spans(prepared.timestamps), *known)
+            window_bounds = replace(
+                window_bounds,
                 size=sliding.shown(prepared.states.problem.steps),
                 every=in_words(sliding.every),
             )
@@ -103,7 +103,7 @@ def prove(
             from tgospa_eval.evaluation.consistency import pair_nees  # lazy: few have covariances
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)
-    recorded, judged = prepared.recorded()
+    recorded, evaluated_on = prepared.recorded()
     problem = prepared.states.problem
     return make_result(
         PairEvaluation,
@@ -117,12 +117,12 @@ def prove(
         assigned=assigned,
         nees=nees,
         unjudged=read_unjudged(prepared.states, weights),
-        traced=traced,
-        slid=slid,
+        curve_bounds=curve_bounds,
+        window_bounds=window_bounds,
         labels=prepared.labels,
         timings=nested_timings(stopwatch),
         input=recorded,
-        evaluated_on=judged,
+        evaluated_on=evaluated_on,
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
     )
@@ -141,7 +141,7 @@ def make_result(
     nees: NeesSums | None,
     **parts: Any,
 ) -> E:
-    """A result of one kind, in memory or of data in parts.
+    """Make a result of one kind, in memory or of data in parts.
 
     `at` is how many pairs are at the cutoff; `more` are further warnings; `parts` are the other
     fields.
@@ -166,10 +166,10 @@ def make_result(
 
 
 def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
-    """The record of the solver for the result; the bracket of its history as costs."""
+    """Return the record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
-        # The proof knows better than the solver.
+        # The bounds of the proof decide, not the status of the solver.
         finished, status = met, str(Status.SOLVED if met else Status.NOT_SOLVED)
     scale = parameters.scale
     return {
@@ -186,7 +186,7 @@ def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *,
 
 
 def solver_settings(solver: Solver) -> dict[str, object]:
-    """The settings of a solver that change the number."""
+    """Return the settings of a solver that change the number."""
     changing = {
         name: value for name, value in vars(solver).items() if value is not None and name != "jobs"
     }
@@ -194,7 +194,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
 
 
 def nested_timings(stopwatch: Stopwatch) -> Json:
-    """Spans as a tree, with the names that are always there."""
+    """Return spans as a tree, with the names that are always there."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
     for name, seconds in stopwatch.spans.items():
@@ -216,7 +216,7 @@ ROUNDED_DIGIT = 2e-10
 
 
 def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
-    """Whether the value itself is one of the last places of the states."""
+    """Warn if the value is as small as one of the last places of the states."""
     if not bounds.within_rounding(gap):
         return ()
     return (
@@ -229,7 +229,7 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
 
 
 def at_cutoff(pairs: int) -> tuple[Notice, ...]:
-    """Warning about so many pairs with an ignored truth whose distance is the cutoff, if any."""
+    """Warn of so many pairs with an ignored truth whose distance is the cutoff, if any."""
     if not pairs:
         return ()
     of = "an ignored truth and an estimate"
@@ -246,7 +246,7 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
 
 
 def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notice, ...]:
-    """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
+    """Warn if rounded decimals of large coordinates leave less than ten digits of the total.
 
     Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
     sqrt(2) times that, and the cost d^p of an assigned pair by p d^(p - 1) times that. These are
@@ -262,7 +262,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     spacing = float(np.spacing(largest))
     error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
     total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # where all is rounding, the bounds say so
+    if not ROUNDED_DIGIT * total < error < total:  # the bounds show a total of rounding
         return ()
     return (
         Notice(
@@ -280,7 +280,7 @@ BLOCK = 1 << 16
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
+    """Return parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale
@@ -293,13 +293,13 @@ def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
         own = np.arange(len(entry)), np.arange(len(entry))
     measure, parameters = prepared.distance, proof.parameters
     parts = parts_of_distances(sides, measure, parameters, problem, entry, own)
-    found = {name: weight * part for name, part in parts.items()}
+    costs = {name: weight * part for name, part in parts.items()}
     if prepared.existence is None:
-        return found
-    if not found:
+        return costs
+    if not costs:
         expected = weight * problem.share(entry) * problem.powers(entry)
-        found = {"expected_localisation": scale * expected}
-    return {**found, "existence_mismatch": scale * weight * problem.mismatch(entry)}
+        costs = {"expected_localisation": scale * expected}
+    return {**costs, "existence_mismatch": scale * weight * problem.mismatch(entry)}
 
 
 def parts_of_distances(
@@ -310,7 +310,7 @@ def parts_of_distances(
     entries: Ints,
     rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Cost of whole pairs by means and by spreads, if the cost is a square and has such parts.
+    """Return the cost of whole pairs by means and by spreads, if it is a square with such parts.
 
     `rows` are those of the entries in either side.
     """

@@ -1,4 +1,4 @@
-"""Which states are inside regions: points, and boxes by the share of their area.
+"""Tests of states in regions: points, and boxes by the share of their area.
 
 Regions come from a CSV file, a table or GeoJSON.
 """
@@ -40,16 +40,16 @@ RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | M
 GIVEN = "ignore_regions"
 
 HALF = 0.5 - 1e-12
-"""Least share of the area of a box that is inside, with room for rounding."""
+"""Share of the area of a box from which it is inside, with room for rounding."""
 
 ROUNDED = 2.0**-40
-"""What distances of boxes are widened by when those near each other are searched."""
+"""Margin of the distances of boxes when those near each other are searched."""
 
 PLANE, EARTH = ("x", "y"), PLACES
 
 
 def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
-    """Any accepted form of regions; `decimal` is the mark in a file.
+    """Read any accepted form of regions; `decimal` is the mark in a file.
 
     Raises
     ------
@@ -62,9 +62,9 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
         return None
 
     if is_path(given):
-        found = read_regions(os.fspath(given), decimal)
+        regions = read_regions(os.fspath(given), decimal)
     elif isinstance(given, Mapping):
-        found = of_geojson(given, GIVEN)
+        regions = of_geojson(given, GIVEN)
     else:
         frame = as_frame(given, GIVEN)
         if frame is None:
@@ -72,19 +72,19 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
             raise ConfigError(f"{GIVEN} is of the type {kind}: must be a path, a table or GeoJSON")
         rows = [[_text(value) for value in row] for row in frame.itertuples(index=False)]
         places = [GIVEN, *(f"{GIVEN}, row {row}" for row in range(len(rows)))]
-        found = of_rows([*map(str, frame.columns)], rows, places, ".", GIVEN)
-    for shape in found.shapes:
+        regions = of_rows([*map(str, frame.columns)], rows, places, ".", GIVEN)
+    for shape in regions.shapes:
         if shape.kind in (POLYGON, GEOJSON) and not _shapely().is_valid(_polygon(shape)):
             place = _shapely().is_valid_reason(_polygon(shape)).partition("[")[2].rstrip("]")
             raise InputError(
                 f"{shape.where}: a polygon whose edges cross or overlap, at {place or 'a hole'}; "
                 "write its corners in order around it, or two polygons"
             )
-    return found
+    return regions
 
 
 def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
-    """A circle, ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or regions of a file.
+    """Parse ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or read regions of a file.
 
     `earth` says that centres are latitudes and longitudes.
 
@@ -97,11 +97,11 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     """
     circle, equals, numbers = text.partition("=")
     if circle != CIRCLE or not equals:
-        found = as_regions(text, decimal)
-        assert found is not None
-        if not found.shapes:
-            raise InputError(f"{found.name}: there is no region, so that no row would be left")
-        return found
+        regions = as_regions(text, decimal)
+        assert regions is not None
+        if not regions.shapes:
+            raise InputError(f"{regions.name}: there is no region, so that no row would be left")
+        return regions
 
     row = [part.strip() for part in numbers.split(",")]
     header = SHAPES[CAP if earth else CIRCLE]
@@ -113,7 +113,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     return of_rows(header, [row], [option("region")] * 2, ".", option("region", text))
 
 
-@np.errstate(over="ignore")  # infinitely far is right
+@np.errstate(over="ignore")  # an infinite distance is right here
 def inside(
     regions: Regions,
     side: Trajectories,
@@ -121,7 +121,7 @@ def inside(
     name: str,
     more_than: float | None = None,
 ) -> Mask:
-    """Which rows are in the regions of their step.
+    """Return a mask of the rows that are in the regions of their step.
 
     Points are in a region or on its edge; boxes are, if at least half of their area is in all
     regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 in that of a
@@ -153,28 +153,30 @@ def inside(
             f"{regions.name}: regions are of states x,y, lat,lon or left,top,width,height; those "
             f"of {name} are {','.join(side.columns)}"
         )
-    seen = side.state[:, axes], earth
-    there = seen if regions.origin is None else (on_earth(side.state, regions.origin), True)
-    most, total = np.zeros((2, len(side.step)))
+    own_places = side.state[:, axes], earth
+    there = own_places if regions.origin is None else (on_earth(side.state, regions.origin), True)
+    largest, total = np.zeros((2, len(side.step)))
     rings = np.array([s.rings[0] if s.kind == BOX else np.zeros(4) for s in regions.shapes])
     around: list[tuple[Ints, Ints]] = []  # rows and shapes that may have something in common
     for step, shapes in _placed(regions, side, tolerance, name).items():
         for rows, shape in _candidates(regions, shapes, side, step, spread=boxes):
-            points, places = there if regions.shapes[shape[0]].kind in (CAP, GEOJSON) else seen
+            points, places = (
+                there if regions.shapes[shape[0]].kind in (CAP, GEOJSON) else own_places
+            )
             if boxes:
                 of_box = regions.shapes[shape[0]].kind == BOX
                 several = rings[shape] if of_box else regions.shapes[shape[0]]
                 share = _shares(several, side.state[rows])
             else:
-                held = _holds(regions.shapes[shape[0]], points[rows, :2], earth=places)
-                share = held.astype(np.float64)
-            np.maximum.at(most, rows, share)
+                within = _contains(regions.shapes[shape[0]], points[rows, :2], earth=places)
+                share = within.astype(np.float64)
+            np.maximum.at(largest, rows, share)
             np.add.at(total, rows, share)
             around.append((rows, shape))
     if more_than is not None:
-        return np.asarray(most > more_than)
-    found = most >= HALF
-    unsure = np.flatnonzero(~found & (total >= HALF))
+        return np.asarray(largest > more_than)
+    is_inside = largest >= HALF
+    unsure = np.flatnonzero(~is_inside & (total >= HALF))
     if len(unsure):
         rows, shape = (np.concatenate(parts) for parts in zip(*around, strict=True))
         order = np.lexsort((shape, rows))
@@ -182,14 +184,14 @@ def inside(
         first, last = rows.searchsorted(unsure), rows.searchsorted(unsure, "right")
         for row, low, high in zip(unsure.tolist(), first.tolist(), last.tolist(), strict=True):
             together = [regions.shapes[k] for k in shape[low:high].tolist()]
-            found[row] = _share_of_all(side.state[row], together) >= HALF
-    return np.asarray(found)
+            is_inside[row] = _share_of_all(side.state[row], together) >= HALF
+    return np.asarray(is_inside)
 
 
 def _candidates(
     regions: Regions, shapes: Ints, side: Trajectories, step: int | None, *, spread: bool
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Rows of a step, or of all, and the shapes that may have something in common with them.
+    """Yield rows of a step, or of all, and the shapes that may overlap with them.
 
     In the plane and in images those whose bounding boxes are near each other: pieces of rows with
     boxes (`spread`) and of boxes together, other shapes by themselves.
@@ -201,7 +203,7 @@ def _candidates(
         yield np.arange(low, high), np.full(high - low, k)
     if not plain or high == low:
         return
-    if "lat" in side.columns:  # which turn around
+    if "lat" in side.columns:  # longitudes wrap around
         for k in plain:
             yield np.arange(low, high), np.full(high - low, k)
         return
@@ -239,7 +241,7 @@ def _candidates(
 
 
 def _bounds(shape: Shape) -> Floats:
-    """Least and largest corner (2, 2) of a region of the plane."""
+    """Return the lower left and upper right corner (2, 2) of a region of the plane."""
     if shape.kind == BOX:
         left, top, width, height = shape.rings[0]
         return np.array([[left, top], [left + width, top + height]])
@@ -252,7 +254,7 @@ def _bounds(shape: Shape) -> Floats:
 def _placed(
     regions: Regions, side: Trajectories, tolerance: float, name: str
 ) -> dict[int | None, Ints]:
-    """The numbers of the regions of each step of the side; those of all steps under None."""
+    """Return the numbers of the regions of each step of the side; those of all steps under None."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
     at, there = match_times(own, side, tolerance, (regions.name, name))
@@ -266,7 +268,7 @@ def _placed(
 
 
 def _shares(region: Shape | Floats, state: Floats) -> Floats:
-    """Share of the area of boxes (N, 4) that is in a region, or each in a box of its own (N, 4)."""
+    """Return the share of the area of boxes (N, 4) in a region, or each in its own box (N, 4)."""
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
     if isinstance(region, Shape):
@@ -279,7 +281,7 @@ def _shares(region: Shape | Floats, state: Floats) -> Floats:
 
 
 def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
-    """Share of the area of one box (4,) that is in several regions together."""
+    """Return the share of the area of one box (4,) that is in several regions together."""
     begin, end = state[:2], state[:2] + state[2:]
     area = float((end - begin).prod())
     if any(shape.kind != BOX for shape in shapes):
@@ -288,7 +290,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
     edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
     cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
-    across, along = (  # which stretches between two cuts each region has
+    across, along = (  # the stretches between two edges in each region
         (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
         for axis in (0, 1)
     )
@@ -296,8 +298,8 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     return float(np.diff(cuts[0]) @ covered @ np.diff(cuts[1]) / area)
 
 
-def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
-    """Which of the points (N, 2), x, y or latitude and longitude, are in a region or on its edge.
+def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
+    """Return a mask of points (N, 2), x, y or latitude and longitude, in a region or on its edge.
 
     Edges of polygons on the Earth are straight lines in longitude and latitude (RFC 7946).
     """
@@ -328,7 +330,7 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
 
 
 def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
-    """Area of boxes (N, 4) that is in several regions together, by shapely."""
+    """Return the area of boxes (N, 4) that is in several regions together, by shapely."""
     for shape in shapes:
         if shape.kind in (CIRCLE, CAP):
             raise InputError(
@@ -342,7 +344,7 @@ def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
 
 
 def _polygon(shape: Shape, *, turned: bool = False) -> Any:
-    """A box or polygon as shapely has it; `turned` exchanges its coordinates."""
+    """Return a box or polygon as shapely has it; `turned` exchanges its coordinates."""
     if shape.kind == BOX:
         left, top, width, height = shape.rings[0]
         return _shapely().box(left, top, left + width, top + height)
@@ -361,7 +363,7 @@ def _shapely() -> Any:
 
 
 def _text(value: Any) -> str:
-    """A value of a table as a file has it; a list of corners as ``x y; x y``."""
+    """Return a value of a table as a file has it; a list of corners as ``x y; x y``."""
     import pandas as pd  # lazy: files do without
 
     if isinstance(value, list | tuple | np.ndarray):
@@ -376,7 +378,7 @@ KNOWN = {name for columns in SHAPES.values() for name in columns}
 
 
 def read_regions(path: str, decimal: str = ".") -> Regions:
-    """Regions of a CSV file, delimited by comma, semicolon or tab, or of a GeoJSON document.
+    """Read regions of a CSV file, delimited by comma, semicolon or tab, or of GeoJSON.
 
     Raises
     ------
@@ -405,7 +407,7 @@ def of_rows(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Regions of the rows of a table; `places` are those of the header and of each row.
+    """Return regions of the rows of a table; `places` are those of the header and of each row.
 
     Raises
     ------
@@ -421,10 +423,10 @@ def of_rows(
         if unknown:
             what = f"column {quoted(unknown[0])} is none of regions"
         raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
-    shapes, moments = [], []
+    shapes, timestamps = [], []
     for place, row in zip(places[1:], rows, strict=True):
         cells = {key: text.strip() for key, text in zip(names, row, strict=True)}
-        moments.append(cells.pop(time, ""))
+        timestamps.append(cells.pop(time, ""))
         given = {key: text for key, text in cells.items() if text}
         kind = next((kind for kind, columns in SHAPES.items() if {*columns} == {*given}), None)
         if kind is None:
@@ -447,11 +449,11 @@ def of_rows(
         ring = numbers.reshape(-1, 2) if kind == POLYGON else numbers
         shapes.append(Shape(kind=kind, rings=(ring,), where=place))
     of_time = f", column {quoted(time)}"
-    return _regions(shapes, moments, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
+    return _regions(shapes, timestamps, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
 
 
 def of_geojson(document: Any, name: str) -> Regions:
-    """Regions of a FeatureCollection, a Feature or a geometry; the property t is their step.
+    """Return regions of a FeatureCollection, a Feature or a geometry; t is their step.
 
     Raises
     ------
@@ -462,7 +464,7 @@ def of_geojson(document: Any, name: str) -> Regions:
         raise InputError(f"{name}: no GeoJSON; a FeatureCollection of polygons is")
     kind = document.get("type")
     features = document.get("features") if kind == "FeatureCollection" else [document]
-    shapes, moments, places = [], [], []
+    shapes, timestamps, places = [], [], []
     for k, feature in enumerate(features if isinstance(features, list) else [features]):
         where = f"{name}, feature {k}"
         whole = isinstance(feature, Mapping) and feature.get("type") == "Feature"
@@ -472,13 +474,13 @@ def of_geojson(document: Any, name: str) -> Regions:
         moment = known.get("t") if isinstance(known, Mapping) else None
         for rings in _polygons(geometry, where):
             shapes.append(Shape(kind=GEOJSON, rings=rings, where=where))
-            moments.append("" if moment is None else str(moment))
+            timestamps.append("" if moment is None else str(moment))
             places.append(f'{where}, property "t"')
-    return _regions(shapes, moments, places.__getitem__, ".", name)
+    return _regions(shapes, timestamps, places.__getitem__, ".", name)
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
-    """The rings of each polygon of a geometry; of positions the first two numbers."""
+    """Return the rings of each polygon of a geometry; of positions the first two numbers."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: {quoted(kind)} is no Polygon and no MultiPolygon")
@@ -504,18 +506,18 @@ def _plain(value: Any) -> float:
 
 def _regions(
     shapes: Sequence[Shape],
-    moments: Sequence[str],
+    timestamps: Sequence[str],
     where: Callable[[int], str],
     decimal: str,
     name: str,
 ) -> Regions:
-    """With the times of those that have any."""
-    timed = [k for k, moment in enumerate(moments) if moment.strip()]
+    """Make regions, with the times of those that have any."""
+    timed = [k for k, moment in enumerate(timestamps) if moment.strip()]
     try:
-        times = parse_times([moments[k] for k in timed], lambda texts: floats(texts, decimal))
+        times = parse_times([timestamps[k] for k in timed], lambda texts: floats(texts, decimal))
     except TimeError as error:
         raise InputError(f"{where(timed[error.row])}: {error}") from None
-    found = list(shapes)
+    placed = list(shapes)
     for k, moment in zip(timed, times.value.tolist(), strict=True):
-        found[k] = replace(found[k], moment=moment)
-    return Regions(shapes=tuple(found), clock=times.clock, name=name)
+        placed[k] = replace(placed[k], moment=moment)
+    return Regions(shapes=tuple(placed), clock=times.clock, name=name)

@@ -1,4 +1,4 @@
-"""What is asked of an evaluation, whoever asks: a command line, a suite, or Python."""
+"""Request of an evaluation, from a command line, a suite, or Python."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -59,8 +59,8 @@ class Sliding:
             )
 
     @classmethod
-    def asked(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
-        """From options: `every` is half a window by default; None without a window.
+    def of_options(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
+        """Make windows of options: `every` is half a window by default; None without a window.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Whether stamps of this kind have seconds, if windows are stretches of time.
+        """Check that stamps of this kind have seconds, if windows are stretches of time.
 
         Raises
         ------
@@ -92,11 +92,11 @@ class Sliding:
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """The length of a window of a recording of so many steps, in words."""
+        """Format the length of a window of a recording of so many steps."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
-        """First and last step of each window among those at some times, (K,), (K,).
+        """Return the first and last step of each window among those at some times, (K,), (K,).
 
         Where the last regular window ends before the last step, one more ends with it, so that all
         are of one length and no step is left out. A stretch of time without a step is no window.
@@ -110,7 +110,7 @@ class Sliding:
             return _spans_of_time(times, self.size, self.every)
         steps = len(times)
         size = min(int(self.size), steps)
-        every = min(int(self.every), size)  # numbers of any size are asked for
+        every = min(int(self.every), size)  # the option takes numbers of any size
         first = np.arange(0, steps - size + 1, every) if steps else np.zeros(0, np.int64)
         if len(first) and first[-1] + size < steps:
             first = np.append(first, steps - size)
@@ -118,21 +118,21 @@ class Sliding:
 
 
 def in_words(length: int | Duration) -> str:
-    """As a length is shown: 30 steps, or 2min."""
+    """Format a length: 30 steps, or 2min."""
     return length.text if isinstance(length, Duration) else counted(length, "step")
 
 
 def _length(given: object, name: str) -> int | Duration:
-    """Steps, or a time with a unit."""
+    """Parse a length: steps, or a time with a unit."""
     if isinstance(given, str) and re.fullmatch(r"\s*[0-9]{1,99}\s*", given):
         given = int(given)
     if isinstance(given, int | np.integer) and not isinstance(given, bool):
         if given >= 1:
             return int(given)
     elif isinstance(given, str):
-        found = Duration.of(given, name)
-        if found.unit and found.nanoseconds >= 1:
-            return found
+        duration = Duration.of(given, name)
+        if duration.unit and duration.nanoseconds >= 1:
+            return duration
     shown = quoted(given) if isinstance(given, str) else repr(given)
     raise ConfigError(
         f"{name} is {shown}: must be a whole number of steps, 1 or more, or a time with a unit, "
@@ -141,18 +141,18 @@ def _length(given: object, name: str) -> int | Duration:
 
 
 def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[Ints, Ints]:
-    """Windows from t to before t + size; the last one ends with the last step."""
+    """Return windows from t to before t + size; the last one ends with the last step."""
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
-    length = min(size.nanoseconds, end - begin + 1)  # numbers of any size are asked for
-    apart = min(every.nanoseconds, length)
-    count = max((end - length - begin) // apart + 1, 0)
+    length = min(size.nanoseconds, end - begin + 1)  # the option takes numbers of any size
+    spacing = min(every.nanoseconds, length)
+    count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(
             f"{option('every', every.text)}: there are {count:,} windows; at most {MAX_STEPS:,}"
         )
-    opens = np.append(begin + apart * np.arange(count, dtype=np.int64), end - length + 1)
+    opens = np.append(begin + spacing * np.arange(count, dtype=np.int64), end - length + 1)
     first = np.searchsorted(times, opens)
     last = np.searchsorted(times, opens + length) - 1
     other = (np.diff(first, prepend=-1) != 0) | (np.diff(last, prepend=-1) != 0)
@@ -162,7 +162,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
 
 MOT_METRICS = ("hota", "clear", "identity")
 OTHER_METRICS = (*MOT_METRICS, "gospa", NEES)
-"""What can be evaluated beside TGOSPA, in the order in which it is shown."""
+"""Metrics that can be evaluated beside TGOSPA, in the order in which they are shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,18 +239,18 @@ class EvaluationRequest:
             )
         if self.probabilistic and self.parameters.rho != 0.5:
             raise ConfigError(needs_symmetry())
-        for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
-            if asked and not self.solver.proves:
+        for of_options, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
+            if of_options and not self.solver.proves:
                 raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What is read of states beside points: what the distance compares, or all for NEES."""
+        """Columns of states beside points: those that the distance compares, or all for NEES."""
         return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 
     @property
     def probabilistic(self) -> bool:
-        """Whether probabilities of existence count."""
+        """True if probabilities of existence count."""
         return self.existence == "use"
 
 
@@ -261,7 +261,7 @@ def chosen_parameters(
     switch_penalty: float | None,
     rho: float = 0.5,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Parameters with the defaults of a distance for None, and the names of those.
+    """Return parameters with the defaults of a distance for None, and the names of those.
 
     Raises
     ------
@@ -280,18 +280,18 @@ NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names of other metrics in our order; a text has them with commas, mota is of clear.
+    """Return names of other metrics in our order; a text has them with commas, mota is of clear.
 
     Raises
     ------
     ConfigError
         A name is not that of a metric.
     """
-    asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
-    asked = [NUMBERS_OF.get(name, name) for name in asked]
-    for name in asked:
+    chosen = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
+    chosen = [NUMBERS_OF.get(name, name) for name in chosen]
+    for name in chosen:
         if name not in OTHER_METRICS:
             raise ConfigError(
                 f"{option('with_')} {quoted(name)}: must be of {', '.join(OTHER_METRICS)}"
             )
-    return tuple(name for name in OTHER_METRICS if name in asked)
+    return tuple(name for name in OTHER_METRICS if name in chosen)

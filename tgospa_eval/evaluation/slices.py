@@ -48,14 +48,14 @@ from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
-MOST_DISTINCT = 20
+MAX_DISTINCT = 20
 """Different numbers that have a slice each where no edges are given."""
 
-MOST_SLICES, MOST_CROSSINGS = 200, 5_000
-"""By one attribute, and by two."""
+MAX_SLICES, MAX_CROSSINGS = 200, 5_000
+"""Slices by one attribute, and by two."""
 
 NOT_KNOWN = -1.0
-"""How MOTChallenge and KITTI write a share that is not known."""
+"""Number of MOTChallenge and KITTI for an unknown share."""
 
 QUARTILES = (0.25, 0.5, 0.75)
 
@@ -83,7 +83,7 @@ class Members:
     kept: Mask
 
     def crossed(self, other: "Members") -> "Members":
-        """The slices by both attributes."""
+        """Return the slices by both attributes."""
         size = len(other.names)
         shares = tuple(
             tuple((a * size + b, x * y) for (a, x), (b, y) in zip(mine, theirs, strict=True))
@@ -101,7 +101,7 @@ def members(
     *,
     summed: bool,
 ) -> Members:
-    """The slices of one attribute.
+    """Return the slices of one attribute.
 
     Parameters
     ----------
@@ -129,16 +129,16 @@ def members(
     if texts or attribute.values:
         return _by_text(attribute, values, rows, summed=summed)
     numbers = _numbers(attribute, values, texts, "edges")
-    found = [side[~np.isnan(side)] for side in numbers if side is not None]
-    distinct = np.unique(np.concatenate(found))
-    if len(distinct) <= MOST_DISTINCT:
+    finite = [side[~np.isnan(side)] for side in numbers if side is not None]
+    distinct = np.unique(np.concatenate(finite))
+    if len(distinct) <= MAX_DISTINCT:
         names = list(map(_shown, distinct.tolist()))
         inside = [
             None if side is None else np.where(np.isnan(side), -1, np.searchsorted(distinct, side))
             for side in numbers
         ]
         return _numbered(names, inside, rows)
-    edges = _quarters(next(side for side in found if np.isfinite(side).any()))
+    edges = _quarters(next(side for side in finite if np.isfinite(side).any()))
     if summed:
         shown = ":".join(f"{edge:g}" for edge in edges)
         raise ConfigError(
@@ -155,7 +155,7 @@ def _numbers(
     texts: Sequence[Values],
     wanted: str,
 ) -> list[Floats | None]:
-    """The values as numbers; a column of blanks alone is one of missing numbers."""
+    """Return the values as numbers; a column of blanks alone is one of missing numbers."""
     if texts:
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
@@ -176,7 +176,7 @@ def _numbers(
 def _weighted(
     attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Two slices, with the share w and 1 - w of each row; a third for rows without a value."""
+    """Make two slices, with the share w and 1 - w of each row; a third for rows without a value."""
     values = [
         None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
     ]
@@ -203,7 +203,7 @@ def _weighted(
 def _ranged(
     edges: Sequence[float], values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """A slice from each edge to before the next, the last with its end, and what is outside."""
+    """Make a slice from each edge to before the next, the last with its end, and one outside."""
     inner = [edge for edge in edges if np.isfinite(edge)]
     low, high = edges[0] == -np.inf, edges[-1] == np.inf
     names = [f"{UNDER}{_shown(inner[0])}"]
@@ -230,7 +230,7 @@ def _by_text(
     *,
     summed: bool,
 ) -> Members:
-    """A slice for each text, or for those that are named and one for all others."""
+    """Make a slice for each text, or for those that are named and one for all others."""
     sides = [None if side is None else _as_texts(side).tolist() for side in values]
     there = {text for side in sides for text in side or ()} - {""}
     names = list(attribute.values) or sorted(there, key=natural)
@@ -239,7 +239,7 @@ def _by_text(
             f"{option('slices')} {attribute.name}={':'.join(names)}: there is none of these, but "
             f"{listed(sorted(there, key=natural)[:10])}"
         )
-    if len(names) > MOST_SLICES:
+    if len(names) > MAX_SLICES:
         raise ConfigError(
             f"{option('slices', attribute.name)}: {len(names):,} different values; name those "
             f"that are of interest, {attribute.name}={names[0]}:{names[1]}"
@@ -258,7 +258,7 @@ def _by_text(
 
 
 def _as_texts(values: Values) -> Values:
-    """Numbers beside the texts of another side, as texts."""
+    """Return numbers beside the texts of another side, as texts."""
     if values.dtype.kind == "O":
         return values
     texts = ["" if value != value else _shown(value) for value in values.tolist()]
@@ -271,7 +271,7 @@ def _numbered(
     rows: tuple[int, int],
     kept: Mask | None = None,
 ) -> Members:
-    """With slices for rows without a value, -1, and for a side without the attribute, None."""
+    """Add slices for rows without a value, -1, and for a side without the attribute, None."""
     size = len(names)
     truth, estimate = (
         np.full(count, size + 1) if side is None else np.where(side < 0, size, side)
@@ -287,19 +287,19 @@ def _numbered(
 
 
 def _shown(value: float) -> str:
-    """A number of a name: as short as it can be."""
+    """Format a number of a name: as short as it can be."""
     return str(int(value)) if value.is_integer() and abs(value) < EXACT_BELOW else repr(value)
 
 
 def _quarters(values: Floats) -> list[float]:
-    """Quartiles, rounded to two digits."""
+    """Return quartiles, rounded to two digits."""
     finite = np.sort(values[np.isfinite(values)])
     ends = (finite[int(share * (len(finite) - 1))] for share in QUARTILES)
     return sorted({float(f"{end:.2g}") for end in ends})
 
 
 INSIDE, OUTSIDE = "inside", "outside"
-"""Of a region."""
+"""Names of the slices of a region."""
 
 
 def values_of(
@@ -308,7 +308,7 @@ def values_of(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Values | None, Values | None]:
-    """Of each row of truth and estimate; None where a side has no such attribute.
+    """Return the values of truth and estimate rows; None where a side has no such attribute.
 
     A column goes before what would follow from the states under the same name.
 
@@ -346,20 +346,20 @@ def values_of(
 
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
-    """How many other objects of this side are nearer than the cutoff."""
-    seen = side.reduced_to(distance.kinds)
+    """Count the other objects of this side that are nearer than the cutoff."""
+    own_side = side.reduced_to(distance.kinds)
     resources = Resources(jobs=1)
-    both, distance = distance.prepared((seen, seen), resources)
+    both, distance = distance.prepared((own_side, own_side), resources)
     margin = distance.margin(both, cutoff)
     pairs = prepared_pairs(both, cutoff, distance, resources, margin=margin)
     nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
     pairs = pairs.chosen(np.flatnonzero(nearer))
-    others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
-    return np.bincount(others, minlength=len(side.step)).astype(np.float64)
+    neighbours = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
+    return np.bincount(neighbours, minlength=len(side.step)).astype(np.float64)
 
 
 def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> str:
-    """What to say of an attribute that neither side has."""
+    """Describe an attribute that neither side has."""
     name = attribute.name
     offered = {header for side in sides for header in side.offered}
     for column, _, _ in attribute.ranges:
@@ -385,7 +385,7 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
 
 
 def _column(side: Trajectories, name: str) -> Values | None:
-    """A column by its name: asked for, of the states, ids or times."""
+    """Return a column by its name: requested, of the states, ids or times."""
     if name in side.attributes:
         given: Values = side.attributes[name]
         return given
@@ -407,7 +407,7 @@ def _is_earth(side: Trajectories) -> bool:
 
 
 def _positions(side: Trajectories) -> Floats:
-    """Where the objects are, (d, R): places, not speeds that states may have beside them."""
+    """Return the places of the objects, (d, R), without speeds that states may have beside them."""
     if side.columns == BOX:
         left, top, width, height = side.state.T
         return np.stack((left + 0.5 * width, top + 0.5 * height))
@@ -417,8 +417,8 @@ def _positions(side: Trajectories) -> Floats:
     return np.ascontiguousarray(side.state.T[places])
 
 
-def _apart(side: Trajectories, first: Floats, second: Floats) -> Floats:
-    """Lengths between places (d, N), on the Earth in metres."""
+def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
+    """Return lengths between places (d, N), on the Earth in metres."""
     if _is_earth(side):
         return Haversine().between(zip(first, second, strict=True))
     difference: Floats = first - second
@@ -427,7 +427,7 @@ def _apart(side: Trajectories, first: Floats, second: Floats) -> Floats:
 
 
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
-    """Distance from a point, by as many coordinates as that has; from 0 if none is given."""
+    """Return the distance from a point, by as many coordinates as it has; from 0 by default."""
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
@@ -440,11 +440,11 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
             f"have {len(places)} ({', '.join(side.columns)})"
         )
     places = places[: len(origin)]
-    return _apart(side, places, np.broadcast_to(origin[:, None], places.shape))
+    return _distances(side, places, np.broadcast_to(origin[:, None], places.shape))
 
 
 def _speeds(side: Trajectories) -> Floats:
-    """Length of the velocity, of the states if they have one, else from the neighbours in time.
+    """Return the length of the velocity, of the states or else from the neighbours in time.
 
     From the row before to the row after, at the ends of a track from or to the row itself; per
     second where times are ISO times. A track of one row has none.
@@ -465,13 +465,13 @@ def _speeds(side: Trajectories) -> Floats:
     speed = np.full(len(order), np.nan)
     moved = np.flatnonzero(span > 0)
     ends = (order[at[moved]] for at in (after, before))
-    way = _apart(side, *(places.take(end, axis=1) for end in ends))
+    way = _distances(side, *(places.take(end, axis=1) for end in ends))
     speed[order[moved]] = way / span[moved]
     return speed
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Area of boxes: of the states, or width times height of columns, else times length."""
+    """Return the area of boxes: of the states, or width times height of columns, or of length."""
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
     width = _extent(side, "width", ("left", "right"))
@@ -481,9 +481,9 @@ def _sizes(side: Trajectories) -> Floats | None:
 
 
 def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
-    """A size by its column, or by those of both ends, as far as they are numbers."""
-    found = [side.attributes.get(column) for column in (name, *ends)]
-    numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in found]
+    """Return a size by its column, or by those of both ends, as far as they are numbers."""
+    columns = [side.attributes.get(column) for column in (name, *ends)]
+    numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in columns]
     if numbers[0] is not None or not ends:
         return numbers[0]
     first, last = numbers[1:]
@@ -491,14 +491,14 @@ def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | No
 
 
 def _ages(side: Trajectories) -> Floats:
-    """Steps since the first of the track."""
+    """Return the steps since the first of the track."""
     first = np.zeros(len(side.ids), side.step.dtype)
     first[side.track[::-1]] = side.step[::-1]
     return (side.step - first[side.track]).astype(np.float64)
 
 
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
-    """Whether all columns of a region are in their ranges, ends included; blank if one is."""
+    """Return whether all columns are in the ranges of a region, ends included; blank if one is."""
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
         values = _column(side, name)
@@ -516,46 +516,50 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
-"""What each row of truth and estimate costs, in units of c^p, and how often: localisation, misses
+"""Costs of each row of truth and estimate, in units of c^p, and counts: localisation, misses
 and switches of truths, false targets of estimates."""
 
 
-def cut(fitted: AlignedPair, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Members]:
-    """What each row of two sides belongs to, by what is asked for; known before a solution.
+def slice_members(
+    fitted: AlignedPair, requested: Sequence[SliceBy], cutoff: float
+) -> dict[str, Members]:
+    """Return the slices of each row of two sides; they are known before a solution.
 
     Raises
     ------
     ConfigError
         There is no such attribute, or its values do not fit.
     """
-    return {by.text: _members(by, fitted, cutoff) for by in asked}
+    return {by.text: _members(by, fitted, cutoff) for by in requested}
 
 
 def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
-    """The costs of a result of these two sides."""
+    """Return the costs of a result of these two sides."""
     costs = row_costs(result.proof)
     unique = is_unique(result.proof, result.gap, everywhere=True)
     return tuple(
-        Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
-        for by, found in members.items()
+        Slicing(by=by, slices=tuple(_slices(costs, members_of, result.scale)), unique=unique)
+        for by, members_of in members.items()
     )
 
 
 def slices_of(
     result: PairEvaluation | EvaluationByClass, texts: Sequence[str], *, summed: bool = False
 ) -> tuple[Slicing, ...]:
-    """A result split by what texts ask for; `summed`: to be added to those of others.
+    """Split a result by texts; `summed`: to be added to those of others.
 
     Raises
     ------
     ConfigError
-        As of `cut`, or the result was not made by `evaluate`.
+        As of `slice_members`, or the result was not made by `evaluate`.
     """
     if isinstance(result, EvaluationByClass):
         parts = [slices_of(part, texts, summed=True) for part in result.results.values()]
         return tuple(added_up(parts))
     sides, _ = source_of(result)
-    members = cut(sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
+    members = slice_members(
+        sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff
+    )
     return slicings(members, result)
 
 
@@ -563,17 +567,17 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     aligned = fitted.alignment
     sides, reports = (aligned.truth, aligned.estimate), aligned.reports
     rows = len(sides[0].step), len(sides[1].step)
-    found = []
+    by_attribute = []
     for attribute in by.attributes:
         if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
-        else:  # speeds and neighbours are those of reports
+        else:  # reports have the speeds and neighbours
             at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
             values = first, None if second is None else second[reports.row]
-        found.append(members(attribute, values, rows, summed=by.summed))
-    whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
-    if len(whole.names) > MOST_CROSSINGS:
+        by_attribute.append(members(attribute, values, rows, summed=by.summed))
+    whole = by_attribute[0] if len(by_attribute) == 1 else by_attribute[0].crossed(by_attribute[1])
+    if len(whole.names) > MAX_CROSSINGS:
         raise ConfigError(
             f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices"
         )
@@ -581,7 +585,7 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
 
 
 def row_costs(proof: PairProof) -> RowCosts:
-    """The cost of an assignment, row by row; errors of assigned states as in the summary."""
+    """Return the cost of an assignment, row by row; errors of assigned states as in the summary."""
     states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
     truths, estimates = problem.sides
@@ -598,8 +602,8 @@ def row_costs(proof: PairProof) -> RowCosts:
     price = problem.switch_price_at[step] * amount
     mass = weight / ONE
     if problem.unjudged is not None:
-        judged = evaluated_rows(states, weights)
-        mass = mass * judged[0][truths.row[entry]] * judged[1][estimates.row[entry]]
+        evaluated = evaluated_rows(states, weights)
+        mass = mass * evaluated[0][truths.row[entry]] * evaluated[1][estimates.row[entry]]
     error = metric.cutoff * problem.powers(entry) ** (1 / metric.order)
     return (
         {
@@ -608,7 +612,7 @@ def row_costs(proof: PairProof) -> RowCosts:
             "missed_count": missed,
             "switch": sum_by(row, price, size),
             "switch_count": 0.5 * sum_by(row, amount, size),
-            "truth_steps": _judged(truths),
+            "truth_steps": _evaluated_rows(truths),
             "assigned_steps": sum_by(truths.row[entry], mass, size),
             "squared_error": sum_by(truths.row[entry], mass * error**2, size),
         },
@@ -620,27 +624,27 @@ def row_costs(proof: PairProof) -> RowCosts:
     )
 
 
-def _judged(truths: Objects) -> Floats:
-    """1 for each row that is judged."""
-    judged = np.ones(len(truths.step))
+def _evaluated_rows(truths: Objects) -> Floats:
+    """Return 1 for each row that is judged."""
+    weights = np.ones(len(truths.step))
     if truths.unjudged is not None:
-        judged[truths.unjudged] = 0.0
-    return judged
+        weights[truths.unjudged] = 0.0
+    return weights
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """The row of a truth at a step; where it does not exist then its next one, or its last."""
+    """Return the row of a truth at a step; where it does not exist its next one, or its last."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]
     place = np.searchsorted(key, track.astype(np.int64) * steps + np.minimum(step, steps - 1))
     last = np.searchsorted(key, (track.astype(np.int64) + 1) * steps) - 1
-    found: Ints = order[np.minimum(place, last)]
-    return found
+    row: Ints = order[np.minimum(place, last)]
+    return row
 
 
 def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
-    """The sums of all slices in which is anything, or that are shown without."""
+    """Sum all slices that have rows, or that are shown without."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
     for side, columns in enumerate(costs):
@@ -649,8 +653,8 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
             order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")
             first = np.searchsorted(place[order], np.arange(size + 1))
             for name, value in columns.items():
-                found = _sum_of_parts((value * share)[order], first)
-                sums[name] = sums[name] + found if name in sums else found
+                parts = _sum_of_parts((value * share)[order], first)
+                sums[name] = sums[name] + parts if name in sums else parts
     for name in PARTS:
         sums[name] = sums[name] * scale
     # A slice of ignored truths alone has no states that count, but may have a switch.
@@ -662,6 +666,6 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
 
 
 def _sum_of_parts(value: Floats, first: Ints) -> Floats:
-    """Sums of contiguous parts, each in pairs: a sum of n terms is off by log2 n roundings."""
+    """Sum contiguous parts, each in pairs: a sum of n terms is off by log2 n roundings."""
     bounds = first.tolist()
     return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

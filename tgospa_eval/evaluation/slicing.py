@@ -1,4 +1,4 @@
-"""What an evaluation is to be split by: ``NAME[=EDGES]``, two of them with ``*`` between."""
+"""Slices of an evaluation: ``NAME[=EDGES]``, two of them with ``*`` between."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from tgospa_eval.results.slices import CROSSED
 from tgospa_eval.text import option, quoted
 
 AS_WEIGHT = "weight"
-"""In place of edges: the attribute is a share."""
+"""Word in place of edges: the attribute is a share."""
 
 OF_REGION = "region"
 
@@ -22,7 +22,7 @@ DERIVED = ("range", "speed", "size", "density", "age", OF_REGION)
 OF_BOXES = ("left", "top", "width", "height", "right", "bottom", "length")
 """Columns that the size follows from, where the states have none."""
 
-MOST_CROSSED = 2
+MAX_CROSSED = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,39 +82,39 @@ class SliceBy:
 
 
 def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[SliceBy, ...]:
-    """What each of the texts asks for; `summed` as of `SliceBy`.
+    """Parse the texts of slices; `summed` as of `SliceBy`.
 
     Raises
     ------
     ConfigError
         One cannot be understood, or is given twice.
     """
-    found: dict[str, SliceBy] = {}
+    slices_by_text: dict[str, SliceBy] = {}
     several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts
     for text in several:
         if not isinstance(text, str):
             raise ConfigError(f"{option('slices')} {text!r}: must be a text such as range=0:50:100")
         parts = [part.strip() for part in text.split(CROSSED.strip())]
-        if len(parts) > MOST_CROSSED:
+        if len(parts) > MAX_CROSSED:
             raise ConfigError(
                 f"{option('slices')} {quoted(text)}: at most two attributes can be crossed"
             )
         attributes = tuple(_attribute(part, text) for part in parts)
         by = CROSSED.join(parts)
-        if by in found:
+        if by in slices_by_text:
             raise ConfigError(f"{option('slices')} {quoted(text)}: given twice")
-        found[by] = SliceBy(text=by, attributes=attributes, summed=summed)
-    return tuple(found.values())
+        slices_by_text[by] = SliceBy(text=by, attributes=attributes, summed=summed)
+    return tuple(slices_by_text.values())
 
 
-def columns_asked(slices: Iterable[SliceBy]) -> tuple[str, ...]:
-    """Columns that readers should look for."""
+def requested_columns(slices: Iterable[SliceBy]) -> tuple[str, ...]:
+    """Return columns that readers should look for."""
     names = (name for by in slices for part in by.attributes for name in part.columns)
     return tuple(dict.fromkeys(names))
 
 
 def _attribute(part: str, text: str) -> Attribute:
-    """One attribute; `text` is the whole that was given, for messages."""
+    """Return one attribute; `text` is the whole that was given, for messages."""
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(
@@ -149,7 +149,7 @@ def _edges(ends: list[str], text: str) -> tuple[float, ...]:
         )
     if any(low >= high for low, high in pairwise(values)):
         raise ConfigError(f"{option('slices')} {quoted(text)}: edges must increase")
-    if len(ends) == 1:  # below it, and from it on
+    if len(ends) == 1:  # two slices: below the edge, and from it on
         return -math.inf, *values, math.inf
     low = () if ends[0] else (-math.inf,)
     high = () if ends[-1] else (math.inf,)

@@ -14,7 +14,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.evaluation.axis import TURN, apart
+from tgospa_eval.evaluation.axis import TURN, shortest_differences
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.solution import evaluated_rows
@@ -58,21 +58,21 @@ class SideRows:
 
     @cached_property
     def first(self) -> Mask:
-        """Whether each is the first of its track."""
+        """Mask of the rows that are the first of their track."""
         return np.append(True, self.track[1:] != self.track[:-1])[: len(self.track)]
 
     @cached_property
     def last(self) -> Mask:
-        """Whether each is the last of its track."""
+        """Mask of the rows that are the last of their track."""
         return np.append(self.first[1:], True)[: len(self.track)]
 
     def per_track(self, chosen: Mask | slice = slice(None)) -> Ints:
-        """How many of the chosen rows each track has."""
+        """Return the number of chosen rows of each track."""
         return np.bincount(self.track[chosen], minlength=self.tracks)
 
     @classmethod
     def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
-        """Tracks of all, numbered on, and how many rows come before those of each."""
+        """Return tracks of all, numbered on, and how many rows come before those of each."""
         tracks, sizes = (
             np.cumsum([0, *counts])
             for counts in ([one.tracks for one in several], [len(one.track) for one in several])
@@ -91,7 +91,7 @@ class Tracked:
     ----------
     truth, estimate : SideRows
         States of either side.
-    moments : (T,) float array
+    timestamps : (T,) float array
         Times of the steps since the first, in the unit of the stamps, of dates in seconds.
     at, to : (N,) int arrays
         Rows of truth and estimate of each assigned pair, by truth and time.
@@ -105,7 +105,7 @@ class Tracked:
 
     truth: SideRows
     estimate: SideRows
-    moments: Floats
+    timestamps: Floats
     at: Ints
     to: Ints
     weight: Floats
@@ -114,17 +114,17 @@ class Tracked:
     sums: Sums
 
     @classmethod
-    @np.errstate(over="ignore", invalid="ignore")  # of states that nobody has
+    @np.errstate(over="ignore", invalid="ignore")  # extreme states overflow
     def of(cls, proof: PairProof) -> "Tracked":
         """Read one evaluation."""
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
-        judged: Sequence[Mask | slice] = (slice(None), slice(None))
+        evaluated: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
-            judged = evaluated_rows(proof.states, proof.weights)
+            evaluated = evaluated_rows(proof.states, proof.weights)
         sides, rows, places = [], [], []
-        for side, mask in zip(problem.sides, judged, strict=True):
+        for side, mask in zip(problem.sides, evaluated, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
-            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # they are by step
+            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # sorted by step
             place = np.full(len(side.step), -1, side.step.dtype)
             place[chosen] = np.arange(len(chosen), dtype=place.dtype)
             step = side.step[chosen]
@@ -137,24 +137,24 @@ class Tracked:
         kept = kept[np.lexsort((to[kept], at[kept]))]
         at, to, entry = at[kept], to[kept], entry[kept]
         is_date = isinstance(next(iter(compared.labels.times), 0), str)
-        moments = (compared.moments - compared.moments[:1]) / (SECOND if is_date else 1)
+        timestamps = (compared.timestamps - compared.timestamps[:1]) / (SECOND if is_date else 1)
         weight = used[kept] / ONE
         axes = Axes(compared)
         return cls(
             truth=sides[0],
             estimate=sides[1],
-            moments=moments,
+            timestamps=timestamps,
             at=at,
             to=to,
             weight=weight,
             error=proof.parameters.cutoff * problem.powers(entry) ** (1 / order),
             axes=axes,
-            sums=axes.sums(compared, sides, rows, moments, (at, to, weight)),
+            sums=axes.sums(compared, sides, rows, timestamps, (at, to, weight)),
         )
 
     @classmethod
     def joined(cls, several: "Sequence[Tracked]") -> "Tracked":
-        """Several evaluations on the same steps as one; tracks are numbered on."""
+        """Return several evaluations on the same steps as one; tracks are numbered on."""
         truth, before_truth = SideRows.joined([one.truth for one in several])
         estimate, before_estimate = SideRows.joined([one.estimate for one in several])
         at = [one.at + k for one, k in zip(several, before_truth, strict=True)]
@@ -163,7 +163,7 @@ class Tracked:
         return cls(
             truth=truth,
             estimate=estimate,
-            moments=first.moments,
+            timestamps=first.timestamps,
             at=np.concatenate(at),
             to=np.concatenate(to),
             weight=np.concatenate([one.weight for one in several]),
@@ -185,10 +185,10 @@ class Axes:
             place = [*columns[:2]]
         names = place + [name for name in columns if name not in place]
         self.places, self.chosen = len(place), [columns.index(name) for name in names]
-        spoken = {"lon": "east", "lat": "north", HEIGHT: "up"} if self.on_earth else {}
+        renamed = {"lon": "east", "lat": "north", HEIGHT: "up"} if self.on_earth else {}
         if self.is_box:
-            spoken = {"left": "x", "top": "y"}
-        self.names = tuple(spoken.get(name, name) for name in names)
+            renamed = {"left": "x", "top": "y"}
+        self.names = tuple(renamed.get(name, name) for name in names)
         self.speeds = [columns.index(name) for name in VELOCITY if name in columns]
         periodic = compared.settings.get("periodic")
         periods = dict(periodic) if isinstance(periodic, dict) else {}
@@ -196,8 +196,8 @@ class Axes:
         self.periods = [periods.get(name, np.inf) for name in names] if periods else None
 
     def between(self, first: Floats, second: Floats) -> Floats:
-        """Second less first states (N, d), by axis, (N, q)."""
-        difference = apart((second - first)[:, self.chosen], self.periods)
+        """Return the difference of second and first states (N, d), by axis, (N, q)."""
+        difference = shortest_differences((second - first)[:, self.chosen], self.periods)
         if self.is_box:  # the place of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
         if self.on_earth:
@@ -213,10 +213,10 @@ class Axes:
         compared: ComparedSides,
         sides: Sequence[SideRows],
         rows: Sequence[Ints],
-        moments: Floats,
+        timestamps: Floats,
         pairs: tuple[Ints, Ints, Floats],
     ) -> Sums:
-        """Sums over assigned pairs, some at a time: their states are not in memory together.
+        """Sum over assigned pairs, some at a time: their states are not in memory together.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Axes:
             Truth and estimate.
         rows : pair of (R,) int arrays
             Where the rows of these are among the states.
-        moments : (T,) float array
+        timestamps : (T,) float array
             Times of the steps.
         pairs : tuple of (N,) arrays
             Rows of truth and estimate of each, by truth and time, and its weight.
@@ -236,15 +236,15 @@ class Axes:
         sums: dict[str, Any] = {"axes": np.zeros(len(self.names)), "bends": np.zeros(2)}
         sums |= dict.fromkeys(SUMMED, 0.0)
         for begin in range(0, len(at), PAIRS_TOGETHER):
-            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # two more, for second differences
+            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.reports is not None:  # on a common clock a report is judged at its own time
+            if compared.reports is not None:  # on a common clock a report counts at its own time
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
             else:  # a report that holds for several steps does not move
-                time, who = moments[truth.step[row]], sides[1].track[to[own]]
+                time, who = timestamps[truth.step[row]], sides[1].track[to[own]]
                 on = (np.diff(row) == 1) & (np.diff(who) == 0) & ~truth.first[row[1:]]
                 span = np.diff(time)
                 alike = np.abs(np.diff(span)) <= ALIKE * np.abs(span[1:])
@@ -263,7 +263,7 @@ class Axes:
             sums["velocities"] += float(
                 np.linalg.norm((second - first)[:, self.speeds], axis=1).sum()
             )
-            velocity = self._velocity(compared.truth, rows[0], truth, moments, row)
+            velocity = self._velocity(compared.truth, rows[0], truth, timestamps, row)
             speeds = (velocity * velocity).sum(axis=1)
             known = speeds > 0
             w, way = weights[known], (place[known] * velocity[known]).sum(axis=1)
@@ -275,16 +275,16 @@ class Axes:
         return sums
 
     def _velocity(
-        self, states: Floats, rows: Ints, truth: SideRows, moments: Floats, at: Ints
+        self, states: Floats, rows: Ints, truth: SideRows, timestamps: Floats, at: Ints
     ) -> Floats:
-        """Velocities of some rows of the truth (N, k), NaN where they are not known.
+        """Return velocities of some rows of the truth (N, k), NaN where they are not known.
 
         Those of the states, or else from the neighbours in time.
         """
         if not self.on_earth and len(self.speeds) == self.places:
             return states[rows[at]][:, self.speeds]
         before, after = at - ~truth.first[at], at + ~truth.last[at]
-        span = moments[truth.step[after]] - moments[truth.step[before]]
+        span = timestamps[truth.step[after]] - timestamps[truth.step[before]]
         way = self.between(states[rows[before]], states[rows[after]])[:, : self.places]
         velocity = np.full(way.shape, np.nan)
         velocity[span > 0] = way[span > 0] / span[span > 0, None]
@@ -295,9 +295,9 @@ SUMMED = ("bent", "places", "velocities", "moving", "along", "way", "speeds", "s
 """Sums of `Axes.sums` that are numbers."""
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
 def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
-    """The summary of an evaluation, given its states and pairs."""
+    """Return the summary of an evaluation, given its states and pairs."""
     horizon = evaluation.evaluated_on.each
     truth, estimate, weight = tracked.truth, tracked.estimate, tracked.weight
     whose, who = truth.track[tracked.at], estimate.track[tracked.to]
@@ -309,8 +309,8 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
     there = states[0] > 0
     main = [np.zeros(rows.tracks) for rows in (truth, estimate)]
     *pair, together = _grouped(whose, who, weight)
-    for most, track in zip(main, pair, strict=True):
-        np.maximum.at(most, track, together)
+    for largest, track in zip(main, pair, strict=True):
+        np.maximum.at(largest, track, together)
     stretches = _stretches(tracked)
     false = (states[1] > 0) & (followed[1] == 0)
     steps = int(max(truth.step.max(initial=-1), estimate.step.max(initial=-1))) + 1
@@ -375,13 +375,13 @@ class _Stretches:
 
 
 def _stretches(tracked: Tracked) -> _Stretches:
-    """Where truths are followed, and by whom: by the estimate with the largest weight."""
+    """Follow each truth by the estimate with the largest weight."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
-    time = tracked.moments[truth.step]
+    time = tracked.timestamps[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
     who = np.full(size, -1)
     last = slice(None) if (np.diff(at) > 0).all() else np.lexsort((tracked.weight, at))
-    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # of a row the last one stays
+    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last one of a row is kept
     goes_on = np.zeros(size, bool)
     goes_on[1:] = is_followed[1:] & is_followed[:-1] & ~truth.first[1:]
     begins = is_followed & ~goes_on
@@ -390,27 +390,27 @@ def _stretches(tracked: Tracked) -> _Stretches:
     run = np.cumsum(begins)[is_followed] - 1
     np.maximum.at(longest, truth.track[begins], np.bincount(run, minlength=int(begins.sum())))
     delay = np.full(truth.tracks, np.nan)
-    first = np.flatnonzero(begins)[::-1]  # the earliest is written last
+    first = np.flatnonzero(begins)[::-1]  # the earliest is written last, so it is kept
     delay[truth.track[first]] = time[first]
     start = np.zeros(truth.tracks)
     start[truth.track[truth.first]] = time[truth.first]
     same = goes_on.copy()
     same[1:] &= who[1:] == who[:-1]
     ends = is_followed & ~np.append(same[1:], False)[:size]
-    held = is_followed & ~truth.last
+    is_kept = is_followed & ~truth.last
     following = np.append(time[1:], 0.0)[:size]
     return _Stretches(
         fragments=np.maximum(count - 1, 0),
         longest=longest,
         delay=delay - start,
         breaks=int(np.count_nonzero(ends & ~truth.last)),
-        time=float((following - time)[held].sum()),
+        time=float((following - time)[is_kept].sum()),
     )
 
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-    """Pairs of tracks, and the sums of the weights of each; pairs are by truth and time."""
-    for _ in range(2):  # first of neighbours, which leaves few to sort
+    """Return pairs of tracks, and sums of the weights of each; pairs are by truth and time."""
+    for _ in range(2):  # neighbours are compared first, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]
@@ -420,7 +420,7 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
 
 
 def _errors(tracked: Tracked) -> Json:
-    """Errors of assigned states: of the base distance, by axis, along and across the track.
+    """Return errors of assigned states: of the base distance, by axis, along and across the track.
 
     An estimate that is late by L is L v behind a truth of velocity v: the latency is the L that
     makes the sum of squares of ``e + L v`` least, and its gain the share of the sum of squares of
@@ -434,11 +434,11 @@ def _errors(tracked: Tracked) -> Json:
     shares = np.array([0.5, 0.95]) * total
     if (weight == 1).all():
         places = np.ceil(shares).astype(np.int64) - 1
-        median, most = np.partition(error, places)[places].tolist()
+        median, p95 = np.partition(error, places)[places].tolist()
     else:
         order = np.argsort(error, kind="stable")
         places = np.searchsorted(np.cumsum(weight[order]), shares).clip(max=len(order) - 1)
-        median, most = error[order[places]].tolist()
+        median, p95 = error[order[places]].tolist()
     scale = max(float(error.max()), np.finfo(float).tiny)  # squares may overflow
     moving, gain, latency = sums["moving"], 0.0, None
     if moving:
@@ -451,7 +451,7 @@ def _errors(tracked: Tracked) -> Json:
         "rmse": scale * math.sqrt(float(weight @ (error / scale) ** 2) / total),
         "mean_error": float(weight @ error / total),
         "median_error": median,
-        "p95_error": most,
+        "p95_error": p95,
         "rmse_by_axis": dict(
             zip(tracked.axes.names, np.sqrt(sums["axes"] / total).tolist(), strict=True)
         ),
@@ -462,7 +462,7 @@ def _errors(tracked: Tracked) -> Json:
 
 
 def _smoothness(sums: Sums) -> Json | None:
-    """Root mean squares of second differences of estimates and truths; None if there are none."""
+    """Return root mean squares of second differences of both sides; None if there are none."""
     if not sums["bent"]:
         return None
     estimate, truth = np.sqrt(sums["bends"] / sums["bent"]).tolist()
@@ -470,15 +470,15 @@ def _smoothness(sums: Sums) -> Json | None:
 
 
 def _siap(tracked: Tracked) -> Json:
-    """Metrics of the Single Integrated Air Picture (Votruba et al. 2001), of unweighted pairs.
+    """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
     An association is a stretch of states of a truth at which one estimate is assigned to it; the
     longest segment is the time of all of one estimate, as Stone Soup counts it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
-    time = tracked.moments[truth.step]
+    time = tracked.timestamps[truth.step]
     who = estimate.track[to]
-    order = np.argsort(who, kind="stable")  # they are by time
+    order = np.argsort(who, kind="stable")  # pairs are sorted by time
     row, track = at[order], who[order]
     on = np.zeros(len(row), bool)
     on[1:] = (np.diff(row) == 1) & (np.diff(track) == 0) & ~truth.first[row[1:]]
@@ -491,10 +491,10 @@ def _siap(tracked: Tracked) -> Json:
     longest = np.zeros(truth.tracks)
     if len(pair):
         np.maximum.at(longest, whose[pair], np.add.reduceat(spans[row] * on, pair))
-    held = np.zeros(len(truth.track), bool)
-    held[row[on]] = True
+    is_tracked = np.zeros(len(truth.track), bool)
+    is_tracked[row[on]] = True
     lives = float((time[truth.last] - time[truth.first]).sum())
-    tracked_time = float(spans[held].sum())
+    tracked_time = float(spans[is_tracked].sum())
     distinct = [int(np.count_nonzero(np.bincount(own))) for own in (at, to)]
     needed = _needed(first, last, truth)
     changes = int(np.maximum(needed - 1, 0).sum())
@@ -512,11 +512,11 @@ def _siap(tracked: Tracked) -> Json:
 
 
 def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
-    """How many associations, from row to row, it takes to follow each truth as far as they go."""
+    """Count the associations, from row to row, that follow each truth as far as they go."""
     order = np.lexsort((end, begin))
     begin, end = begin[order], end[order]
     furthest = np.maximum.accumulate(end) if len(end) else end
-    if (begin[1:] > furthest[:-1]).all():  # as all are but of mixed assignments
+    if (begin[1:] > furthest[:-1]).all():  # only mixed assignments overlap
         return np.bincount(truth.track[begin], minlength=truth.tracks)
     needed = np.zeros(truth.tracks, np.int64)
     spans, k, best, covered = list(zip(begin.tolist(), end.tolist(), strict=True)), 0, -1, -1

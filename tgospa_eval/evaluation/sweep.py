@@ -32,14 +32,12 @@ CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""What takes no longer than a look at the neighbours: half sweeps, were all states in each of
+"""Work that takes no longer than reading the neighbours: half sweeps, were all states in each of
 them, and iterations."""
 
 
-def in_order(
-    name: str, values: Sequence[float], others: dict[str, float]
-) -> tuple[Parameters, ...]:
-    """The parameters of all points, by value.
+def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:
+    """Return the parameters of all points, by value.
 
     Raises
     ------
@@ -48,8 +46,8 @@ def in_order(
     """
     if not values:
         raise ConfigError(f"no value of the {name.replace('_', ' ')}: name one at least")
-    found = [Parameters(**{**others, name: value}) for value in values]
-    ordered = tuple(sorted(found, key=lambda made: _value(made, name)))
+    parameters = [Parameters(**{**rest, name: value}) for value in values]
+    ordered = tuple(sorted(parameters, key=lambda made: _value(made, name)))
     for a, b in pairwise(ordered):
         if a == b:
             raise ConfigError(f"{name.replace('_', ' ')} {_value(a, name):g} is given twice")
@@ -59,7 +57,7 @@ def in_order(
 def _check_steps(
     sides: AlignedPair, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
 ) -> None:
-    """Whether all points are of the same steps: what is near ends a silence of the estimate."""
+    """Check that all points have the same steps: near pairs end an outage of the estimate."""
     matching = request.time_matching
     if parameter != "cutoff" or not matching.of_estimate:
         return
@@ -83,7 +81,7 @@ def sweep_fitted(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> SweepEvaluation:
-    """`sweep` with everything resolved.
+    """Evaluate each point, with everything resolved.
 
     Parameters
     ----------
@@ -108,12 +106,12 @@ def sweep_fitted(
     measured, near = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
     line = _Line(measured, near, tuple(parameters), parameter, request.solver, stopwatch)
     points = line.points()
-    others = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
+    rest = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
     left, right = measured.sides
     return SweepEvaluation(
         parameter=parameter,
         points=points,
-        settings={**others, **measured.settings, **solver_settings(request.solver)},
+        settings={**rest, **measured.settings, **solver_settings(request.solver)},
         sizes={"truth": len(left.ids), "estimates": len(right.ids), "steps": len(left.times)},
         input=measured.recorded()[0],
         timings=_timings(stopwatch),
@@ -136,35 +134,35 @@ class _Line:
         self.measured, self.near, self.name = measured, near, name
         self.parameters, self.solver, self.stopwatch = parameters, solver, stopwatch
         self.states: States | None = None
-        self.found: Solution | None = None
+        self.solution: Solution | None = None
 
     def points(self) -> tuple[Point, ...]:
-        """All of them."""
-        found: dict[int, Point] = {}
+        """Return all points."""
+        solution: dict[int, Point] = {}
         saved: dict[int, SavedSolution | None] = {}
         progress, count = self.stopwatch.progress, len(self.parameters)
         for done, (k, neighbours) in enumerate(_bisected(count)):
-            if found and progress.stop.is_set():
+            if solution and progress.stop.is_set():
                 break
             value = f"{self.name.replace('_', ' ')} {_value(self.parameters[k], self.name):g}"
             with progress.part(value, done, count):
-                found[k], saved[k] = self._solve(k, neighbours, [saved[at] for at in neighbours])
-        return tuple(found[k] for k in sorted(found))
+                solution[k], saved[k] = self._solve(k, neighbours, [saved[at] for at in neighbours])
+        return tuple(solution[k] for k in sorted(solution))
 
     def _solve(
         self, k: int, neighbours: tuple[int, ...], saved: list[SavedSolution | None]
     ) -> tuple[Point, SavedSolution | None]:
-        """A point, and its solution for points beside it."""
+        """Return a point, and its solution for points beside it."""
         parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
         if self.name == "rho" and self.near.unjudged is None:
-            # Bounds at smaller cutoffs are for the prices that they were solved with.
-            if self.found is None or self.found.reduced:
-                self.found = replace(solver(states, stopwatch), disposable=False)
-            return _point(prove(prepared, solver, self.found, stopwatch), self.name), None
+            # Bounds at smaller cutoffs need the prices of their own solution.
+            if self.solution is None or self.solution.reduced:
+                self.solution = replace(solver(states, stopwatch), disposable=False)
+            return _point(prove(prepared, solver, self.solution, stopwatch), self.name), None
         if not (kernels and solver.proves and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
@@ -189,7 +187,7 @@ class _Line:
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
-        """The states of a point; switch penalties and rho change nothing but prices.
+        """Return the states of a point; switch penalties and rho change nothing but prices.
 
         Where states are not judged, rho changes which pairs gain.
         """
@@ -204,7 +202,7 @@ class _Line:
 
 
 def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """Numbers of points, and the two solved before between which they lie, ends first."""
+    """Yield numbers of points, and the two solved before that enclose them, ends first."""
     yield 0, ()
     if count > 1:
         yield count - 1, ()
@@ -218,7 +216,7 @@ def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
 
 
 def _shares(low: Parameters, here: Parameters, high: Parameters, name: str) -> tuple[float, float]:
-    """How much of its neighbours' prices a point takes, all in units of their c^p.
+    """Return the shares of its two neighbours' prices for a point, all in units of their c^p.
 
     The chord is straight in c^p, or in gamma^p, of prices in state units.
     """
@@ -251,7 +249,7 @@ def _point(result: PairEvaluation, name: str) -> Point:
 
 
 def _timings(stopwatch: Stopwatch) -> dict[str, float]:
-    """Seconds of all points together, by stage."""
+    """Return seconds of all points together, by stage."""
     timings = {"read": 0.0, "distances": 0.0, "solve": 0.0, "certify": 0.0, "report": 0.0}
     for name, seconds in stopwatch.spans.items():
         timings[name.partition("/")[0]] += seconds

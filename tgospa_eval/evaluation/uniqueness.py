@@ -1,4 +1,4 @@
-"""Whether the prices of a result show that no other assignment of near pairs is as good.
+"""Proof by the prices of a result that no other assignment of near pairs is as good.
 
 At best prices v every best assignment is a mixture of paths that are best for their rows, and fills
 every slot with v > 0 (complementary slackness). Rows that compete for an estimate are indifferent
@@ -21,18 +21,18 @@ from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
-"""In units of c^p: a path that is worse by less may be as good, but for rounding."""
+"""Margin in units of c^p: a path that is worse by less may be as good, but for rounding."""
 
 SHARE = 100.0
-"""What is worse by so many times the gap has at most one such part in any best assignment: weights
+"""Multiple of the gap: a part that costs more is at most once in any best assignment: weights
 of vertices are multiples of 1/2 to 1/18."""
 
 ROUNDS = 50
-"""Of drawing conclusions; each takes as long as looking for best paths twice."""
+"""Rounds of conclusions; each takes as long as two searches for best paths."""
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
-    """Whether the assignment is shown to be the only best one.
+    """Return whether the assignment is shown to be the only best one.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     reach = max(NO_TIE, SHARE * (bounds.upper - bounds.lower))
     used, assigned = proof.weights > 0, proof.weights == ONE
     if not np.array_equal(used, assigned):
-        return False  # a mixture of paths
+        return False  # the best path is a mixture
     if not len(used):
         return True
     rows = _Rows(states, proof.prices, reach)
@@ -65,7 +65,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
 
 
 class _Rows:
-    """What the best paths of the rows may be; fewer with each conclusion.
+    """Candidates for the best paths of the rows; fewer with each conclusion.
 
     Parameters
     ----------
@@ -84,14 +84,14 @@ class _Rows:
         self.priced = prices > reach
         self.row = states.pair_row[states.pair]
         single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-        # Rows with a single pair have no slots: nothing of theirs is beside it.
-        self.alone = np.repeat(single, np.diff(states.pair_first))
+        # Rows with a single pair have no slots, so nothing beside the pair is their own.
+        self.is_single = np.repeat(single, np.diff(states.pair_first))
         self.near, self.needed = _marks(states, self.value, prices, reach)
         self.certain = np.zeros(len(states.begin), bool)
         self.closed = np.zeros(len(states.begin), bool)
 
     def open(self, used: Mask, *, everywhere: bool) -> Mask:
-        """Rows of which it is not known what they have, of near pairs or everywhere, (nodes,)."""
+        """Return rows whose best paths are not known, of near pairs or everywhere, (nodes,)."""
         unsure = (self.near != used) | (self.near & ~self.certain)
         if not everywhere:
             unsure &= self.states.entry >= 0
@@ -103,9 +103,9 @@ class _Rows:
         """Close what is beside certain states, and fill priced slots; whether that is possible."""
         columns, rows = self.states.columns, self.states.rows
         while True:
-            at = np.where(self.alone, 0, rows.begin)
+            at = np.where(self.is_single, 0, rows.begin)
             count = np.append(rows.sums(self.near.astype(np.int64)), 1)[at]
-            fresh = self.near & self.needed & (self.alone | (count == 1))
+            fresh = self.near & self.needed & (self.is_single | (count == 1))
             must = self.priced & (columns.sums(self.near.astype(np.int64)) == 1)
             fresh = (fresh | (self.near & columns.touching(must))) & ~self.certain
             if not fresh.any():
@@ -114,13 +114,13 @@ class _Rows:
             for slots in (columns, rows):
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
-                    return False  # rounding: prices that are none of the best
+                    return False  # by rounding the prices are not optimal
                 self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
-    def survey(self, asked: Mask) -> bool:
+    def survey(self, wanted: Mask) -> bool:
         """Look for the best paths of some rows (nodes,) anew; whether fewer are left."""
-        part, own = self.states.of_pairs(np.flatnonzero(asked[self.states.pair_row]))
+        part, own = self.states.of_pairs(np.flatnonzero(wanted[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
         near, needed = self.near[own] & (loss <= self.reach), without > self.reach
@@ -131,7 +131,7 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """States on paths that are best within reach; and those at which "none" is on no such path."""
+    """Return states on paths that are best within reach; and those at which "none" is on none."""
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach
@@ -146,7 +146,7 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """By how much the best path of the row is better than the best one with restrictions.
+    """Return how much better the best path of a row is than the best one with restrictions.
 
     Viterbi forward and backward in time, as `problem.paths.best_values` does it.
 

@@ -90,7 +90,7 @@ class Trials:
         filters = {name.rpartition("_")[2] for name in request.recorded}
         self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
-            sides.distance is not request.distance  # which takes something from the data
+            sides.distance is not request.distance  # the distance has settings of the data
             or "reduce" in distance
             or reach_of(self.aligned.truth, request) is not None
         )
@@ -115,7 +115,7 @@ class Trials:
         return tried
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
-        """The repaired estimate goes the way of any other."""
+        """Evaluate the repaired estimate like any other."""
         conversion = own_conversion(self.request, self.estimate)
         after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
         if self.request.ignoring is not None:
@@ -126,11 +126,11 @@ class Trials:
         sides = fit(self.sides.given[0], after, self.request)
         kept = sum(len(side.step) for side in sides.axis.sides)
         check_left(self.request.time_matching, kept, sides.axis.left_out)
-        if edit.local and not self.as_a_whole and self._spares_others(edit, sides.alignment):
+        if edit.local and not self.as_a_whole and self._keeps_rest(edit, sides.alignment):
             return self._of_components(edit, sides, stopwatch)
         return self._evaluated(sides, edit, stopwatch)
 
-    def _spares_others(self, edit: Edit, after: Alignment) -> bool:
+    def _keeps_rest(self, edit: Edit, after: Alignment) -> bool:
         """Check that the truth and the tracks outside an edit are unchanged."""
         before = self.aligned
         is_other = np.ones(len(self.number) + len(edit.fresh), bool)
@@ -142,20 +142,20 @@ class Trials:
         return is_same(before.truth, after.truth) and is_same(first, second)
 
     def _tracks(self, edit: Edit) -> set[int]:
-        """The tracks that an edit changes."""
+        """Return the tracks that an edit changes."""
         fresh = range(len(self.number), len(self.number) + len(edit.fresh))
         added = () if edit.added is None else edit.added.track.tolist()
         return {*edit.pieces, *added, *fresh}
 
     def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
-        """The tracks of an estimate by the numbers that an edit has for them."""
+        """Return the tracks of an estimate by the numbers that an edit has for them."""
         number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
         return np.array([number[name] for name in side.ids.tolist()], np.int64)
 
     def _of_components(
         self, edit: Edit, after: AlignedPair, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """The components that an edit touches are evaluated again, the others stay."""
+        """Evaluate the components that an edit touches again; the others stay."""
         problem = self.problem
         side = after.alignment.estimate
         track = self._numbers(side, edit)[side.track]
@@ -170,18 +170,18 @@ class Trials:
         for price, block, mask in zip(problem.unassigned_costs, self.blocks, touched, strict=True):
             unpaired += price[(block < 0) & ~mask].tolist()
         rest = math.fsum((*self.cost[~blocks].tolist(), *unpaired))
-        least = math.fsum((*self.lower[~blocks].tolist(), *unpaired)) * (1 - self.rounding)
+        unpaired_lower = math.fsum((*self.lower[~blocks].tolist(), *unpaired)) * (1 - self.rounding)
         return (
             replace(
                 bounds,
-                lower=bounds.lower + lower_cost(problem, least),
+                lower=bounds.lower + lower_cost(problem, unpaired_lower),
                 upper=bounds.upper + rest * (1 + self.rounding) / (1 - problem.cost_error),
             ),
             total + rest,
         )
 
     def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
-        """The tracks of all components that an edit touches, and which components these are.
+        """Return the tracks of all components that an edit touches, and a mask of these components.
 
         `track` (R,) are the numbers of those of the rows afterwards.
         """
@@ -199,7 +199,7 @@ class Trials:
                 distance,
             )
             truth_in[truth.track[pairs.truth_row]] = True
-        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one: of none
+        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one is for tracks of none
         for mask, block in zip((truth_in, estimate_in), self.blocks, strict=True):
             blocks[block[mask]] = True
         blocks[-1] = False
@@ -221,8 +221,8 @@ class Trials:
         return bounds, split.total
 
     def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
-        """Current assignment and prices, with the numbers of tracks after the edit."""
-        old = self.assigned.held
+        """Return the current assignment and prices, with the numbers of tracks after the edit."""
+        old = self.assigned.saved
         run, estimate, begin, end = renamed(old, edit)
         became = edit.tracks(old.priced, old.step)
         paid = np.flatnonzero(became >= 0)
@@ -239,7 +239,7 @@ class Trials:
             steps=old.steps,
         )
         before = self.aligned
-        step = np.searchsorted(before.truth.times, prepared.moments).clip(0, old.steps - 1)
+        step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
         # A truth that had no row on the grid had no pair either.
@@ -265,7 +265,7 @@ def explain(
     *,
     stopwatch: Stopwatch | None = None,
 ) -> Explanation:
-    """The repairs that are proven to save most, `top` of them at most.
+    """Return the repairs that are proven to save most, `top` of them at most.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conver
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Kinds of repairs after which a filter might leave out other rows.
+    """Return kinds of repairs after which a filter might leave out other rows.
 
     Raises
     ------
@@ -348,20 +348,20 @@ def _candidates(
     sides: AlignedPair,
     request: EvaluationRequest,
     assigned: Assigned,
-    most: int,
+    limit: int,
 ) -> Iterator[Candidate]:
-    """Repairs that may save cost at the current assignment, `most` or a few more of each kind."""
+    """Yield repairs that may save cost, `limit` or a few more of each kind."""
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
     places = StatePlaces(sides, result.proof.parameters, probabilistic=request.probabilistic)
     names = (*result.labels.truths, *result.labels.estimates)
-    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, most)]
+    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, limit)]
     if len(sides.alignment.truth.step):
         if estimate.clouds is None:
             makers += [
-                filled(assigned, places, most),
-                extended(assigned, places, most),
+                filled(assigned, places, limit),
+                extended(assigned, places, limit),
             ]
         if assigned.problem.steps > 1 and request.step_weights is None:
             makers.append(shifted(assigned, places))
@@ -377,7 +377,7 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """Repair of a candidate, with its names and the proven cost after it."""
+    """Return the repair of a candidate, with its names and the proven cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
@@ -407,7 +407,7 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Down (-1) or up (1) by more than its product and its difference are off by."""
+    """Move a saving down (-1) or up (1) by more than the error of product and difference."""
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 
 

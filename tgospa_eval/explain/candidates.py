@@ -56,11 +56,11 @@ class Track:
         self._key = side.step.astype(np.int64) * side.count + side.track
 
     def rows(self, track: int) -> Ints:
-        """Rows of a track."""
+        """Return rows of a track."""
         return self.order[self.first[track] : self.first[track + 1]]
 
     def find(self, track: Ints, step: Ints) -> Ints:
-        """The row of each track at each step, `NO_PARTNER` where it does not exist."""
+        """Return the row of each track at each step, `NO_PARTNER` where it does not exist."""
         if not len(self._key):
             return np.full(len(track), NO_PARTNER)
         key = step.astype(np.int64) * self.side.count + track
@@ -95,12 +95,12 @@ class Assigned:
 
     def __init__(self, states: States, weights: Ints, prices: Floats) -> None:
         self.states, self.weights = states, weights
-        self.held = save_solution(states, weights, prices)
+        self.saved = save_solution(states, weights, prices)
         problem = self.problem = states.problem
         sides = problem.sides
         self.truth, self.estimate = (Track(side, problem.steps) for side in sides)
         used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-        used = used[np.argsort(weights[used], kind="stable")]  # the largest comes last and stays
+        used = used[np.argsort(weights[used], kind="stable")]  # the largest comes last and is kept
         entry = states.entry[used].astype(np.int64)
         i, j = problem.truth_row[entry], problem.estimate_row[entry]
         self.followed = np.full(len(problem.truth_step), NO_PARTNER)
@@ -113,12 +113,12 @@ class Assigned:
     @cached_property
     def stretches(self) -> list[AssignedStretch]:
         """Stretches that are assigned by more than half, by truth and time."""
-        kept = self.held
-        most = np.flatnonzero(kept.weight > 0.5)
-        most = most[np.lexsort((kept.begin[most], kept.truth[most]))]
+        kept = self.saved
+        main = np.flatnonzero(kept.weight > 0.5)
+        main = main[np.lexsort((kept.begin[main], kept.truth[main]))]
         parts: list[AssignedStretch] = []
         for truth, estimate, begin, end in zip(
-            *(part[most].tolist() for part in (kept.truth, kept.estimate, kept.begin, kept.end)),
+            *(part[main].tolist() for part in (kept.truth, kept.estimate, kept.begin, kept.end)),
             strict=True,
         ):
             before = parts[-1] if parts else None
@@ -186,7 +186,7 @@ class Edit:
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """Tracks of the rows after the edit, -1 for dropped rows."""
+        """Return tracks of the rows after the edit, -1 for dropped rows."""
         after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
@@ -198,7 +198,7 @@ class Edit:
 
 
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """Runs after an edit: old number, new estimate, begin and end of each."""
+    """Return runs after an edit: old number, new estimate, begin and end of each."""
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
@@ -212,7 +212,7 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """Estimate as read from files, without marks made by options."""
+    """Return the estimate as read from files, without marks made by options."""
     made = NOT_COUNTED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
@@ -233,7 +233,7 @@ def is_same(first: Trajectories, second: Trajectories) -> bool:
 
 
 def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
-    """The estimate after an edit: rows of the grid, and the stamps at which it has some."""
+    """Return the estimate after an edit: rows of the grid, and the stamps at which it has some."""
     track = edit.tracks(estimate.track, estimate.step)
     kept = np.flatnonzero(track >= 0)
     track, step = track[kept], estimate.step[kept].astype(np.int64)
@@ -249,7 +249,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             covariance = np.concatenate((covariance, added.covariance))
         attributes = stacked(attributes, added.attributes, len(added.step))
     order = np.lexsort((track, step))
-    clouds = estimate.clouds  # of which no row is ever added
+    clouds = estimate.clouds  # no rows are added to clouds
     if edit.offset is not None:
         state = state - edit.offset
         if clouds is not None:
@@ -276,7 +276,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """Stamps for a shift and their texts: they continue by the median step."""
+    """Return stamps for a shift and their texts: they continue by the median step."""
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
@@ -296,7 +296,7 @@ def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
 
 
 def exchange(first: int, second: int, step: int, steps: int) -> Edit:
-    """The tracks of two names exchanged from a step on."""
+    """Exchange the tracks of two names from a step on."""
     return Edit(
         pieces={
             a: ((0, step - 1, a), (step, steps - 1, b))
@@ -338,7 +338,7 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """Candidate about a track between the first and the last of some steps."""
+    """Return a candidate about a track between the first and the last of some steps."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
@@ -351,12 +351,12 @@ def exchanged(assigned: Assigned) -> Iterator[Candidate]:
     for stretch in assigned.stretches:
         by_truth[stretch.truth].append(stretch)
         truths[stretch.estimate].add(stretch.truth)
-    seen: set[tuple[int, ...]] = set()
+    tried: set[tuple[int, ...]] = set()
     for own in by_truth.values():
         for before, after in pairwise(own):
             a, b = sorted((before.estimate, after.estimate))
-            whole = _together(assigned, a, b) if (a, b) not in seen else None
-            seen.add((a, b))
+            whole = _together(assigned, a, b) if (a, b) not in tried else None
+            tried.add((a, b))
             beside = [by_truth[i] for i in sorted(truths[a] | truths[b])]
             if whole is not None:
                 named = [[a if s.estimate == b else s.estimate for s in part] for part in beside]
@@ -364,8 +364,8 @@ def exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 saved -= sum(map(_changes, named))
                 yield replace(whole, saving=HALVES * saved * float(prices[after.begin]))
             step = _first_row(assigned, a, b, after.begin)
-            if whole is None and step is not None and (a, b, step) not in seen:
-                seen.add((a, b, step))
+            if whole is None and step is not None and (a, b, step) not in tried:
+                tried.add((a, b, step))
                 saved = sum(_exchange_saves(part, a, b, step) for part in beside)
                 yield Candidate(
                     kind="exchange",
@@ -377,7 +377,7 @@ def exchanged(assigned: Assigned) -> Iterator[Candidate]:
 
 
 def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
-    """Two tracks as one, if they are never at the same step."""
+    """Return two tracks as one, if they are never at the same step."""
     step = assigned.estimate.side.step
     first, second = (step[assigned.estimate.rows(track)] for track in (a, b))
     if np.isin(first, second).any():
@@ -388,14 +388,14 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
-    """The first step from this one on at which one of two tracks exists."""
+    """Return the first step from this one on at which one of two tracks exists."""
     steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
     later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
 
 
 def _in_time(assigned: Assigned, a: int, b: int, step: int) -> tuple[int, int]:
-    """The two, first the one that ends before the step, if one does."""
+    """Order two tracks: first the one that ends before the step, if one does."""
     last = int(assigned.estimate.side.step[assigned.estimate.rows(b)][-1])
     return (b, a) if last < step else (a, b)
 
@@ -405,7 +405,7 @@ def _changes(estimates: list[int]) -> int:
 
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
-    """Number of changes of a truth that an exchange from a step on would save."""
+    """Return how many changes of a truth an exchange from a step on would save."""
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
     if not before or after == len(stretches):
@@ -416,7 +416,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Split of the estimate at each of its changes of the truth; `names` are all ids."""
+    """Yield the split of the estimate at each of its changes of the truth; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -442,15 +442,15 @@ def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
 
 
 def _other_name(name: str, names: set[str]) -> str:
-    """A name like this one that there is not."""
+    """Return an unused name like this one."""
     number = 2
     while f"{name}_{number}" in names:
         number += 1
     return f"{name}_{number}"
 
 
-def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
-    """Tracks to drop, and their ends to cut off, where nothing is."""
+def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
+    """Yield tracks to drop, and their ends to cut off, where nothing is."""
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
@@ -461,8 +461,8 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
     for stretch in assigned.stretches:
         price = problem.switch_price_at
         saved[stretch.estimate] += float(price[stretch.begin]) if stretch.begin else 0.0
-    saved[np.diff(assigned.estimate.first) == 0] = 0.0  # of which no row is left
-    for track in np.argsort(-saved, kind="stable")[:most].tolist():
+    saved[np.diff(assigned.estimate.first) == 0] = 0.0  # tracks without rows
+    for track in np.argsort(-saved, kind="stable")[:limit].tolist():
         if saved[track] > 0:
             steps, edit = side.step[assigned.estimate.rows(track)], Edit(pieces={track: ()})
             yield of_steps("drop", float(saved[track]), edit, (track,), steps)
@@ -473,10 +473,10 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
             continue
         for ends in (rows[: used[0]], rows[used[-1] + 1 :]):
             if len(ends):
-                yield _cut(assigned, track, ends)
+                yield _without_rows(assigned, track, ends)
 
 
-def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
+def _without_rows(assigned: Assigned, track: int, rows: Ints) -> Candidate:
     side = assigned.estimate.side
     begin, end = int(side.step[rows[0]]), int(side.step[rows[-1]])
     last = assigned.problem.steps - 1
@@ -509,7 +509,7 @@ class StatePlaces:
     ----------
     truth, estimate : Trajectories
         On the grid.
-    moments : (T,) float array
+    timestamps : (T,) float array
         Its stamps, as numbers.
     distance : Distance
         One that compares states without covariances.
@@ -523,29 +523,29 @@ class StatePlaces:
 
     def __init__(self, sides: AlignedPair, parameters: Parameters, *, probabilistic: bool) -> None:
         self.truth, self.estimate = sides.alignment.truth, sides.alignment.estimate
-        self.moments = self.truth.times.astype(np.float64)
+        self.timestamps = self.truth.times.astype(np.float64)
         self.distance, self.parameters = sides.distance.lower_bound, parameters
         periods = periods_of(sides.distance, columns := sides.read[0].columns)
         self.period = np.array([periods.get(column, np.inf) for column in columns])
         self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
-        """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
+        """Return ``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
         there = row >= 0
         distance = self.distance(state[there], self.truth.state[row[there]])
         costs = np.full(len(row), np.inf)
         costs[there] = (distance / self.parameters.cutoff) ** self.parameters.order
         return costs
 
-    def apart(self, first: Floats, second: Floats) -> Floats:
-        """The difference of states, the shorter way round where a column is periodic."""
+    def difference(self, first: Floats, second: Floats) -> Floats:
+        """Return the difference of states, the shorter way round where a column is periodic."""
         delta = second - first
         turns = np.rint(delta / self.period)
         return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
 
 
-def filled(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candidate]:
-    """Gaps of tracks, filled on straight lines between their ends."""
+def filled(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
+    """Yield gaps of tracks, filled on straight lines between their ends."""
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
     size = side.step[right].astype(np.int64) - side.step[left] - 1
@@ -554,15 +554,15 @@ def filled(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candi
     which = np.repeat(np.arange(len(gap)), size)
     step = concatenated(side.step[left].astype(np.int64) + 1, size)
     a, b = left[which], right[which]
-    begin, end = (places.moments[side.step[row]] for row in (a, b))
-    share = ((places.moments[step] - begin) / (end - begin))[:, None]
+    begin, end = (places.timestamps[side.step[row]] for row in (a, b))
+    share = ((places.timestamps[step] - begin) / (end - begin))[:, None]
     states = places.estimate.state
-    state = states[a] + share * places.apart(states[a], states[b])
+    state = states[a] + share * places.difference(states[a], states[b])
     truth = np.where(assigned.follows[left] >= 0, assigned.follows[left], assigned.follows[right])
     saved = _added_saves(assigned, places, state, (truth[which], step), side.price[a])
     saving = sum_by(which, saved, len(gap))
     first = np.cumsum(size) - size
-    for k in np.argsort(-saving, kind="stable")[:most].tolist():
+    for k in np.argsort(-saving, kind="stable")[:limit].tolist():
         rows = slice(int(first[k]), int(first[k] + size[k]))
         ends = a[rows], b[rows]
         gain = float(saving[k])
@@ -578,7 +578,7 @@ def _with_rows(
     ends: tuple[Ints, Ints],
     share: Floats,
 ) -> Candidate:
-    """New rows of a track; values beside states are interpolated between two of its rows (N,).
+    """Return new rows of a track; values beside states are interpolated between two rows (N,).
 
     `share` (N, 1) is how far from the first to the second.
     """
@@ -606,21 +606,21 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """Estimated savings (N,) of new states, each to follow a truth at a step."""
+    """Return estimated savings (N,) of new states, each to follow a truth at a step."""
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
-    alone = assigned.problem.truth_price
-    missed = alone[row] if len(alone) else np.zeros(len(row))
+    price_of_row = assigned.problem.truth_price
+    missed = price_of_row[row] if len(price_of_row) else np.zeros(len(row))
     cost = np.minimum(places.costs(state, row), 1.0) * (missed + price)
     return np.where(row >= 0, missed - cost, -price)
 
 
-def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candidate]:
-    """Tracks that go on at either end, at constant velocity, while the truth is missed."""
+def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
+    """Yield tracks that go on at either end, at constant velocity, while the truth is missed."""
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
     first, last = tracks.first[there], tracks.first[there + 1] - 1
-    states, moments = places.estimate.state, places.moments
+    states, timestamps = places.estimate.state, places.timestamps
     ahead = np.arange(1, LONGEST_EXTENSION + 1)
     for sign, edge, behind in (
         (1, last, np.maximum(first, last - BEHIND + 1)),
@@ -630,21 +630,21 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
         truth = assigned.follows[row]
         own = np.flatnonzero(truth >= 0)
         row, far, truth = row[own], far[own], truth[own]
-        now = moments[side.step[row]]
-        past = now - moments[side.step[far]]
-        away = places.apart(states[far], states[row])
+        now = timestamps[side.step[row]]
+        past = now - timestamps[side.step[far]]
+        away = places.difference(states[far], states[row])
         speed = away / np.where(past == 0, 1.0, past)[:, None]
         step = side.step[row].astype(np.int64)[:, None] + sign * ahead
-        inside = (step >= 0) & (step < len(moments))
+        inside = (step >= 0) & (step < len(timestamps))
         at = np.where(inside, step, 0)
-        state = states[row][:, None] + (moments[at] - now[:, None])[..., None] * speed[:, None]
+        state = states[row][:, None] + (timestamps[at] - now[:, None])[..., None] * speed[:, None]
         wanted = np.repeat(truth, LONGEST_EXTENSION), np.where(inside, step, -1).ravel()
         price = np.repeat(side.price[row], LONGEST_EXTENSION)
         flat = state.reshape(-1, states.shape[1])
         saved = _added_saves(assigned, places, flat, wanted, price).reshape(step.shape)
         sums = np.cumsum(saved, axis=1)
         size = np.argmax(sums, axis=1) + 1
-        for k in np.argsort(-sums.max(axis=1, initial=0.0), kind="stable")[:most].tolist():
+        for k in np.argsort(-sums.max(axis=1, initial=0.0), kind="stable")[:limit].tolist():
             n = int(size[k])
             ends = 2 * (np.full(n, row[k]),)
             gain, none = float(sums[k, n - 1]), np.zeros((n, 1))
@@ -652,7 +652,7 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
 
 
 def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """The whole estimate some steps earlier or later: the shift that would save most."""
+    """Yield the estimate shifted by some steps: the shift that would save most."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     row = row[:: -(-len(row) // SAMPLED_PAIRS) or 1]
@@ -670,14 +670,14 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """The whole estimate without its median difference to the truth that it follows."""
+    """Yield the estimate without its median difference to the truth that it follows."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):
         return
     there = assigned.truth.find(assigned.follows[row], side.step[row])
     states = places.estimate.state
-    offset = np.median(places.apart(places.truth.state[there], states[row]), axis=0)
+    offset = np.median(places.difference(places.truth.state[there], states[row]), axis=0)
     cost = np.minimum(places.costs(states[row] - offset, there), 1.0)
     both = problem.truth_price[there] + side.price[row]
     saving = float((assigned.cost[row] - cost * both).sum())

@@ -5,7 +5,7 @@ from typing import Any
 from tgospa_eval.common.machine import compiled
 
 REGRET = 1e-11
-"""What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
+"""Gain of a row by leaving its path that may be rounding: sums of gains round to 1e-12."""
 
 kernels: Any = compiled("tgospa_eval.kernels._kernels")
 """The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""

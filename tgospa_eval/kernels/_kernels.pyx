@@ -27,7 +27,7 @@ cdef double NEVER = 1e300
 
 
 cdef object full_of(Py_ssize_t size, value, kind=np.int32):
-    """As np.full, which takes as long as many of the loops here."""
+    """Fill an array; np.full takes as long as many of the loops here."""
     array = np.empty(size, kind)
     array.fill(value)
     return array

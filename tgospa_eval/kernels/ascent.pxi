@@ -337,7 +337,7 @@ cdef double row_own(Row row, const double* value, const Weight* weight) noexcept
 
 
 cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexcept nogil:
-    """Feasible weights 0 and 1: states that are MAJORITY, unless one before is in their way.
+    """Write feasible weights 0 and 1: states that are MAJORITY, unless one before is in their way.
 
     `load` (K,) must come as zeros and becomes the number of rows on each column slot.
     """
@@ -372,7 +372,7 @@ cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexce
 
 
 cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
-    """Each row in turn takes its best path through what the others leave; how many changed.
+    """Give each row in turn its best path through what the others leave; return how many changed.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
@@ -464,7 +464,7 @@ cdef class Brackets:
     # --- prices
 
     def bound(self, const double[::1] prices):
-        """Bound of each block at the prices of the last survey, (B,)."""
+        """Return the bound of each block at the prices of the last survey, (B,)."""
         with nogil:
             self._bound(&prices[0])
         return np.array(self.found)
@@ -503,7 +503,7 @@ cdef class Brackets:
         return wide
 
     def choose(self, const double[::1] prices, double reach):
-        """`mark`, and the working set of what is within reach: `chosen`."""
+        """Mark the states, and choose the working set of those within reach: `chosen`."""
         with nogil:
             self._survey(&prices[0], True, reach, NULL)
             memset(&self.choice[0], 0, self.choice.shape[0])
@@ -558,7 +558,7 @@ cdef class Brackets:
                 last = paths.came[last]
 
     cdef void _pay(self, const double* price) noexcept nogil:
-        """`found` becomes the sum of the prices of each block; of a column as `sum_parts`."""
+        """Write the sum of the prices of each block to `found`; of a column as `sum_parts`."""
         cdef Py_ssize_t r, K = self.price.shape[0], low, high
         cdef i32 i
         cdef double* last = &self.layout.before[0]
@@ -577,7 +577,7 @@ cdef class Brackets:
                 total[self.layout.block[i]] += price[low] + pairwise(price + low + 1, high - low - 1)
 
     cdef void _bound(self, const double* price) noexcept nogil:
-        """`found` becomes the bound of each block, after a survey at the prices."""
+        """Write the bound of each block to `found`, after a survey at the prices."""
         cdef Py_ssize_t b
         self._pay(price)
         for b in range(self.found.shape[0]):  # what the values of paths may have lost as well
@@ -612,7 +612,7 @@ cdef class Brackets:
     # --- assignments
 
     def values(self, const double[::1] weights):
-        """Gain of a feasible assignment in each block, (B,)."""
+        """Return the gain of a feasible assignment in each block, (B,)."""
         with nogil:
             self._value(&weights[0])
         return np.array(self.found)
@@ -641,7 +641,7 @@ cdef class Brackets:
             self._take_weights(rounded)
 
     cdef void _value(self, const Weight* weight) noexcept nogil:
-        """`found` becomes the gain of an assignment in each block, at the gains of the layout."""
+        """Write the gain of an assignment in each block to `found`, by the gains of the layout."""
         cdef Py_ssize_t r
         cdef Row row
         for r in range(self.layout.row.shape[0]):
@@ -666,7 +666,7 @@ cdef class Brackets:
     # --- widths
 
     def wide(self, double gap):
-        """Open blocks whose bracket is wider than the gap, relative to its cost, (B,)."""
+        """Return open blocks whose bracket is wider than the gap, relative to its cost, (B,)."""
         found = np.zeros(self.found.shape[0], bool)
         cdef u8[::1] wider = found.view(np.uint8)
         cdef Py_ssize_t b
@@ -675,7 +675,7 @@ cdef class Brackets:
         return found
 
     def only_rounding(self, double gap):
-        """Whether some bracket is wide by hardly more than rounding of its prices."""
+        """Return whether some bracket is wide by hardly more than rounding of its prices."""
         cdef Py_ssize_t b
         self._pay(&self.price[0])
         for b in range(self.found.shape[0]):
@@ -868,7 +868,7 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
 
 cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_begin,
                   const i32* slot_end) noexcept nogil:
-    """Whether leaving the state costs more than the reach and nobody else wants its column."""
+    """Return whether leaving the state costs more than the reach, and no other wants its column."""
     return flags[s] & (NEAR | NEEDED) == (NEAR | NEEDED) and (
         rivals[slot_end[s]] == rivals[slot_begin[s]])
 
@@ -970,7 +970,7 @@ cdef class Chain:
             self._emit(True, layout, &chosen[0], walk)
 
     cdef object _make_room(self, Py_ssize_t widest):
-        """All arrays, zeros, as stretches of three: small chains take no longer to make than to use.
+        """Make all arrays, zeros, as stretches of three: small chains are then quick to make.
 
         `widest` is the largest number of links of a step.
         """
@@ -1005,7 +1005,7 @@ cdef class Chain:
 
     cdef object _constrain(self, Layout layout, const u8* chosen, const double* price,
                            i32* constraint_of, i32* after, i32* opens):
-        """Stretches of slots with the same chosen states; those that need a price, by step.
+        """Return stretches of slots with the same chosen states; those that need a price, by step.
 
         A stretch is priced where two states compete, or where a price has to come down again.
         `opens` is room for twice as many numbers as there are slots and one, zeros as
@@ -1162,7 +1162,7 @@ cdef class Chain:
                     active += 1
 
     cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, Walk at) noexcept nogil:
-        """A node of row r at step k, with a link for each state that goes on."""
+        """Add a node of row r at step k, with a link for each state that goes on."""
         cdef Py_ssize_t x
         cdef i32 link, n = at.node_at[k]
         at.node_at[k] = n + 1
@@ -1280,7 +1280,7 @@ cdef class Chain:
                                 flags[s] |= MAJORITY
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
-        """One direction: renew its messages node by node, and the prices step by step.
+        """Renew the messages of one direction node by node, and the prices step by step.
 
         ``A_0' = a_0 + q S'``, ``A_s' = (1 - q^2) a_s + q A_0'``, S' the sum over the states that
         may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,

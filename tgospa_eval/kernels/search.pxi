@@ -29,7 +29,7 @@ cdef inline double apart(const double* a, const double* b, const double* scale, 
 
 cdef Py_ssize_t widest_axis(const double[:, ::1] states, const int64_t[:, ::1] rows,
                             const double[::1] scale) noexcept nogil:
-    """The axis on which the first of the steps are the farthest apart."""
+    """Return the axis on which the states of the first steps are spread the most."""
     cdef Py_ssize_t i, k, axis = 0, seen = 0, t = 0
     cdef double low, high, most = -1.0
     for k in range(states.shape[1]):
@@ -195,7 +195,7 @@ cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcep
 
 def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const i32[::1] truth,
                   const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
-    """As if each truth, or each estimate, had its largest gain: the less of both (steps,)."""
+    """Return the smaller sum of the largest gains of truths, or of estimates, (steps,)."""
     cdef Py_ssize_t m = truth_step.shape[0], n = estimate_step.shape[0], a
     cdef double[::1] best = np.zeros(m + n)
     cdef double[::1] other = np.zeros(steps)
@@ -216,7 +216,7 @@ def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const
 
 def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] truth,
              const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
-    """What a greedy choice of pairs gains at each step, and the round in which each is chosen.
+    """Return the gain of a greedy choice of pairs at each step, and the round of each pair.
 
     Pairs (N,) are in order of truth and estimate; 0 is the round of those that are not chosen.
     """

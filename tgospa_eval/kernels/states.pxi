@@ -29,7 +29,7 @@ cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
 
 
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
-    """Positions by (key, position): a counting sort.
+    """Write the positions by (key, position) to `order`: a counting sort.
 
     `at` comes as zeros, one more than there are keys, and becomes the end of each key in `order`.
     """
@@ -76,7 +76,7 @@ def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int 
 
 
 def components(const i32[::1] a, const i32[::1] b, int nodes):
-    """Smallest node of the component of each node: union and find with halving."""
+    """Return the smallest node of the component of each node: union and find with halving."""
     root_array = np.arange(nodes, dtype=np.int32)
     cdef i32[::1] root = root_array
     cdef Py_ssize_t e
@@ -178,7 +178,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
 
 def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
           bint single):
-    """States of every pair in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
+    """Return each pair's states in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
 
     `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
     Entries come in order of time.
@@ -232,7 +232,7 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
 
 
 def in_time(const i32[::1] begin, int steps):
-    """The states by (begin, number): a stable counting sort."""
+    """Return the states by (begin, number): a stable counting sort."""
     order = np.empty(begin.shape[0], np.int32)
     cdef i32[::1] out = order
     cdef i32[::1] at = np.zeros(steps + 1, np.int32)
@@ -288,7 +288,7 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
 
 
 def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_row, int nodes):
-    """The states by (row, begin, number), and the place of the first of each node, (nodes + 1,)."""
+    """Return the states by (row, begin, number), and the first place of each node, (nodes + 1,)."""
     cdef Py_ssize_t S = order.shape[0], P = pair_row.shape[0], s, p, a
     cdef i32 node
     row_first = np.zeros(nodes + 1, np.int32)
@@ -339,7 +339,7 @@ def slot_sums(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_fi
 
 def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
                const i32[::1] pair_node, const double[::1] weight):
-    """Sum of the weights (S,) of the states over each slot, (K,): `Slots.loads`."""
+    """Return the sum of the weights (S,) of the states over each slot, (K,): `Slots.loads`."""
     cdef Py_ssize_t p, s, t
     cdef i32 node
     cdef double held
@@ -362,7 +362,7 @@ def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_f
 
 
 def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] unit, bint down):
-    """Sums of ``value / unit`` before each slot (K + 1,), rounded first: `exact_running`."""
+    """Return sums of ``value / unit`` before each slot (K + 1,), rounded first: `exact_running`."""
     cdef Py_ssize_t i, t
     cdef double whole
     sums = np.zeros(value.shape[0] + 1, np.int64)
@@ -552,7 +552,7 @@ cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, doub
 
 def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
            const i32[::1] column, const i32[::1] columns, const double[::1] gain):
-    """Of the pairs of each component: which are taken, and the least prices of their columns."""
+    """Return which pairs of each component are taken, and the lowest prices of their columns."""
     cdef Py_ssize_t b, e, i, j, m, n, turn, fewer
     cdef bint turned, moves
     cdef double have
@@ -619,7 +619,7 @@ def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
 
 
 cdef inline double up(double value) noexcept nogil:
-    """The next larger double: `nextafter`, of which the library takes several times as long."""
+    """Return the next larger double; `nextafter` of the library takes several times as long."""
     cdef int64_t bits
     if value == 0.0:
         return 5e-324
@@ -637,7 +637,7 @@ cdef inline double down(double value) noexcept nogil:
 
 def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
                 const double[::1] cost, const double[::1] price, double base):
-    """`Gains` where A + B is `base` for all pairs; those of runs remain to be filled in.
+    """Return `Gains` where A + B is `base` for all pairs; those of runs remain to be filled in.
 
     `group` (S,) is the row and step that each state begins at, `price` (S,) that of each state.
     """
@@ -673,7 +673,7 @@ def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
 def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1] pair_first,
                  const i32[::1] pair_row, const i32[::1] begin, const double[::1] value,
                  const double[::1] switch_price, const double[::1] offset):
-    """Upper bound of the value of the best path of each row, (nodes,): `best_values`.
+    """Return an upper bound of the best path's value of each row, (nodes,): `best_values`.
 
     `group` (S,) is the row and step that each state begins at, `group_first` (nodes + 1,) the first
     of each row; `switch_price` is one number, or one for each step.
@@ -759,7 +759,7 @@ def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entr
 
 def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] left,
                 const i32[::1] first):
-    """``-sum (left v)`` of the slots of each node in two halves, (2, nodes), from above.
+    """Return ``-sum (left v)`` of the slots of each node in two halves, (2, nodes), from above.
 
     Prices are `unit` times the differences of `sums`; the halves keep sums from overflow.
     """
@@ -803,7 +803,7 @@ cdef class Terms:
 
 
 def break_down(states, const int64_t[::1] weight, int64_t one, bounds):
-    """The sums of `problem.certificate.break_down`, of parts that have no pair in common.
+    """Return the sums of `problem.certificate.break_down`, of parts without a common pair.
 
     `bounds` are the first pair, row of truths and row of estimates of each part, and the ends.
 

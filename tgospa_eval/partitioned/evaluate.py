@@ -20,7 +20,7 @@ from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.memory import Share
-from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
+from tgospa_eval.evaluation.prepare import digest_of_evaluated, fit, recorded_settings
 from tgospa_eval.evaluation.prove import make_result, nested_timings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
@@ -350,7 +350,7 @@ def _result(
         evaluated_on=judge(
             axis.horizon,
             grid.truth,
-            digest_of_judged(request, counting),
+            digest_of_evaluated(request, counting),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),
@@ -442,7 +442,7 @@ def _notices(
         ignored, excused = (
             any(block.unjudged[number].any() for block in blocks) for number in (0, 1)
         )
-        for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
+        for text in cut.request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)
     check_left(matching, sum(one.at_steps for one in known), off)
     yield from axis_notices(replace(axis, left_out=off), matching)

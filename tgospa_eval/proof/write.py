@@ -92,7 +92,7 @@ def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
 
 def times_of(compared: ComparedSides) -> list[str]:
     """Return each step as a text that is read back as the same number."""
-    return [repr(moment) for moment in compared.moments.tolist()]
+    return [repr(moment) for moment in compared.timestamps.tolist()]
 
 
 def difference(name: str, one: str, other: str, cutoff: float) -> str:

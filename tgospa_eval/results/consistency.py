@@ -40,28 +40,28 @@ FEWEST = 10
 """Independent values below which there is no warning."""
 
 BINS = 10
-"""Of the histogram of ranks."""
+"""Bins of the histogram of ranks."""
 
-MOST_CORRELATED = 0.999
+MAX_CORRELATION = 0.999
 """Up to which a correlation is believed: some independent values are left."""
 
 
 def chi_square(share: float, freedom: Floats | float) -> Any:
-    """Quantiles of the chi-square distribution with so many degrees of freedom, > 0."""
+    """Return quantiles of the chi-square distribution with so many degrees of freedom, > 0."""
     from scipy.special import gammaincinv  # lazy: slow to import
 
     return 2 * gammaincinv(np.asarray(freedom) / 2, share)
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Interval of the mean of so many independent NEES at this probability."""
+    """Return the interval of the mean of so many independent NEES at this probability."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
 
 
 def band_in_words(low: float, high: float, between: str = " to ") -> str:
-    """Ends of a band, with more digits if it is narrow."""
+    """Format the ends of a band, with more digits if it is narrow."""
     digits = 3 if high > 1.02 * low else 5
     return f"{number(low, digits)}{between}{number(high, digits)}"
 
@@ -104,12 +104,12 @@ class NeesSums:
         return f"NEES {self.in_words}"
 
     def plain(self) -> dict[str, Any]:
-        """Plain values; `NeesSums(**values)` is the way back."""
+        """Return plain values; `NeesSums(**values)` is the way back."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def row(self) -> dict[str, Any]:
-        """Columns of a row of a store; `of_row` is the way back."""
-        import json  # here, as below: a small evaluation does without
+        """Return columns of a row of a store; `of_row` is the way back."""
+        import json  # lazy, as below: a small evaluation does without
 
         record = {f"{NEES}.{name}": value for name, value in self.record().items()}
         return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
@@ -159,12 +159,12 @@ class NeesSums:
         if not self.neighbours or variance <= 0:
             return self.pairs
         centred = self.products - self.mean * self.ends + self.neighbours * self.mean**2
-        r = min(max(centred / self.neighbours / variance, 0.0), MOST_CORRELATED)
+        r = min(max(centred / self.neighbours / variance, 0.0), MAX_CORRELATION)
         return max(self.pairs * (1 - r) / (1 + r), 1.0)
 
     @property
     def verdict(self) -> str:
-        """In a word, by the band of the mean."""
+        """Verdict in a word, by the band of the mean."""
         if not self.pairs:
             return "no assigned state has a covariance"
         low, high = band(self.independent, self.components)
@@ -187,7 +187,7 @@ class NeesSums:
         }
 
     def numbers(self) -> dict[str, float]:
-        """Numbers to log and judge, by name; none without a pair."""
+        """Return numbers to log and judge, by name; none without a pair."""
         if not self.pairs:
             return {}
         share = self.inside / self.pairs
@@ -211,8 +211,8 @@ class NeesSums:
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
-        """Warnings for readers of the value alone; `spread` is the cost of covariances."""
-        if self.independent < FEWEST or not self.total:  # of equal files all errors are 0
+        """Return warnings for readers of the value alone; `spread` is the cost of covariances."""
+        if self.independent < FEWEST or not self.total:  # equal files have errors of 0
             return ()
         low, high = band(self.independent, self.components, EVIDENT)
         if low <= self.mean <= high:
@@ -244,7 +244,7 @@ def fits_sums(record: Json) -> bool:
 def nees_sums(
     pairs: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
-    """Sums of assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
+    """Sum over assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
     known = ~np.isnan(nees)
     weight, values = pairs.weight[known], nees[known]
     order = np.lexsort((pairs.step[known], pairs.estimate[known], pairs.truth[known]))
@@ -268,7 +268,7 @@ def nees_sums(
 
 
 def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: int) -> Columns:
-    """Mean NEES of pairs that share an index, and its band; None where there is no pair.
+    """Return mean NEES of pairs that share an index, and its band; None where there is no pair.
 
     The band is that of independent errors, as those of the tracks of one step are.
     """
@@ -280,12 +280,12 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
 
 
 def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
-    """Mean NEES and its band, of counts of pairs and sums of their NEES; NaN without a pair."""
+    """Return mean NEES and its band, of counts of pairs and sums; NaN without a pair."""
     columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
     return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))
 
 
 def or_none(values: Floats) -> list[float | None]:
-    """Plain numbers of an array, None for NaN."""
+    """Return plain numbers of an array, None for NaN."""
     return [None if value != value else value for value in values.tolist()]

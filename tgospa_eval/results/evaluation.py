@@ -34,17 +34,17 @@ OPEN = 0.99
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *records.PARTS)
-"""What every result has one number of."""
+"""Names of which every result has one number."""
 
 DOCUMENTED = (
     *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
     *("judged", "solver", "timings", "input", "version", "files", "summary", "headline"),
 )
-"""What the JSON has as it stands."""
+"""Fields that the JSON has as they are."""
 
 
 def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
-    """An attribute that is a table as a DataFrame, made when it is read."""
+    """Return an attribute that is a table as a DataFrame, made when it is read."""
 
     def made(result: Any) -> "pd.DataFrame":
         frame: pd.DataFrame = result.frame(name)
@@ -84,9 +84,9 @@ class Evaluation(ABC):
         Version of the package that made it.
     split : mapping of str to float, optional
         Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
-    traced : Brackets, optional
+    curve_bounds : Brackets, optional
         Costs of the steps up to each step, if they were asked for.
-    slid : Windows, optional
+    window_bounds : Windows, optional
         Costs of sliding windows, if they were asked for.
     warnings : tuple of Notice
         What looks wrong, with `code`, `text` and `remedy`.
@@ -96,7 +96,7 @@ class Evaluation(ABC):
         Paths of truth and estimate as they were given; None of what was no file.
     with_ : dict
         Other metrics, those that were asked for: numbers by metric and name.
-    sliced : tuple of Slicing
+    slicings : tuple of Slicing
         Costs and counts split by attributes, those that were asked for.
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
@@ -125,13 +125,13 @@ class Evaluation(ABC):
     objects: tuple[int, int]
     version: str
     split: Mapping[str, float] | None = None
-    traced: Brackets | None = None
-    slid: Windows | None = None
+    curve_bounds: Brackets | None = None
+    window_bounds: Windows | None = None
     warnings: tuple[Notice, ...] = ()
     notices: tuple[str, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: records.OtherMetrics = field(default_factory=dict)
-    sliced: tuple[Slicing, ...] = ()
+    slicings: tuple[Slicing, ...] = ()
     sums: records.MetricSums = field(default_factory=dict)
     unjudged: Unjudged | None = None
     nees: NeesSums | None = None
@@ -203,7 +203,7 @@ class Evaluation(ABC):
         """True if the requested gap is reached, also by each step of the curve and each window."""
         if self.solver["name"] != "certified":
             return bool(self.solver["finished"])
-        parts = (part for part in (self.traced, self.slid) if part is not None)
+        parts = (part for part in (self.curve_bounds, self.window_bounds) if part is not None)
         return self.certified and all(bool(part.met(self.gap).all()) for part in parts)
 
     @property
@@ -269,7 +269,7 @@ class Evaluation(ABC):
         return None if self.unjudged is None else self.unjudged.totals
 
     @property
-    def not_judged(self) -> str:
+    def exclusions(self) -> str:
         """Parts of the data that are not judged, in words; blank without any."""
         if self.ignored is None:
             return ""
@@ -333,7 +333,7 @@ class Evaluation(ABC):
         return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
-        """Cutoff, order, switch penalty and other options of the metric, in words."""
+        """Return the cutoff, order, switch penalty and other options of the metric, in words."""
         return self.proof.parameters.in_words(unit) + records.members_in_words(self.settings)
 
     @property
@@ -342,7 +342,7 @@ class Evaluation(ABC):
         return self.evaluated_on.record()
 
     def table(self, name: str) -> records.Columns:
-        """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
+        """Return a table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
         ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
         ``"curve"``, ``"windows"``; those that were not asked for have no columns.
@@ -361,21 +361,21 @@ class Evaluation(ABC):
 
     @abstractmethod
     def _of_tracks(self, name: str) -> records.Columns:
-        """``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
+        """Return ``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
     def _per_step(self) -> records.Columns:
-        """Cost of each step by kind."""
+        """Return the cost of each step by kind."""
         costs = records.step_columns(self.proof.breakdown, self.scale)
         ignored = {} if self.unjudged is None else vars(self.unjudged)
         return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
 
     def _curve(self) -> records.Columns:
-        """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
+        """Return the normalised curve (docs/theory/solvers.md): no columns if it was not requested.
 
         At each step the metric of the steps up to it with its bounds, and the parts of its cost:
         (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
         """
-        bounds = self.traced
+        bounds = self.curve_bounds
         if bounds is None:
             return {}
         steps = self.evaluated_on.so_far
@@ -387,12 +387,12 @@ class Evaluation(ABC):
         return table
 
     def _windows(self) -> records.Columns:
-        """The sliding windows: no columns if they were not asked for.
+        """Return the sliding windows: no columns if they were not requested.
 
         Of each window the metric by itself with its bounds and the parts of its cost, and
         ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
         """
-        windows = self.slid
+        windows = self.window_bounds
         if windows is None:
             return {}
         times = self.labels.times
@@ -409,7 +409,7 @@ class Evaluation(ABC):
         return table
 
     def _rooted(self, costs: Brackets, each: Floats | Ints) -> records.Columns:
-        """The metric of costs that are divided by `each`, and its bounds."""
+        """Return the metric of costs that are divided by `each`, and its bounds."""
         power = 1 / self.proof.parameters.order
         table: records.Columns = {}
         for name, cost, sign in (
@@ -421,17 +421,17 @@ class Evaluation(ABC):
             table[name] = (value * (1 + sign * (2 * POWER + self.proof.root_error(cost)))).tolist()
         return table
 
-    def first_switches(self, most: int) -> tuple[records.Columns, int]:
-        """First rows of the table of switches, at most so many, and the number of all rows."""
+    def first_switches(self, count: int) -> tuple[records.Columns, int]:
+        """Return the first rows of the table of switches, at most `count`, and their number."""
         table = self.table("switches")
-        return {name: column[:most] for name, column in table.items()}, len(table["t"])
+        return {name: column[:count] for name, column in table.items()}, len(table["t"])
 
     def _per_class(self) -> records.Columns:
-        """Value and costs of each class, where they were evaluated apart; else no columns."""
+        """Return the value and costs of each class, if evaluated separately; else no columns."""
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
-        """The `count` costliest steps, truths and estimates, in order, free ones left out."""
+        """Return the `count` costliest steps, truths and estimates, in order, without free ones."""
         per_step = self.table("per_step")
         answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):
@@ -444,9 +444,9 @@ class Evaluation(ABC):
         return records.costliest(table["id"], np.asarray(cost), count)
 
     def to_dict(self) -> records.Json:
-        """The JSON document as plain Python values."""
-        curve = {} if self.traced is None else {"curve": records.records(self.table("curve"))}
-        if self.slid is not None:
+        """Return the JSON document as plain Python values."""
+        curve = {} if self.curve_bounds is None else {"curve": records.records(self.table("curve"))}
+        if self.window_bounds is not None:
             curve["windows"] = records.records(self.table("windows"))
         return {
             **self.split_parts,
@@ -455,7 +455,7 @@ class Evaluation(ABC):
             **({} if self.nees is None else {NEES: self.nees.record()}),
             **({} if self.ignored is None else {"ignored": self.ignored}),
             **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
-            **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
+            **({"slices": [one.record() for one in self.slicings]} if self.slicings else {}),
             "schema": RESULT_SCHEMA,
             **{name: getattr(self, name) for name in DOCUMENTED},
             **self._records(),
@@ -466,7 +466,7 @@ class Evaluation(ABC):
         }
 
     def _records(self) -> records.Json:
-        """Records by step and by switch."""
+        """Return records by step and by switch."""
         return {
             "per_step": records.records(self.table("per_step")),
             "switches": records.records(self.table("switches")),
@@ -479,7 +479,7 @@ class Evaluation(ABC):
         return {name: part for name, part in parts.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
-        """The numbers as a flat dict of floats, for loggers of experiments.
+        """Return the numbers as a flat dict of floats, for loggers of experiments.
 
         Names are those of the JSON, with a dot between levels: ``tgospa``, ``total``,
         ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
@@ -510,9 +510,9 @@ class Evaluation(ABC):
         return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
-        self, false_targets: float | None = None, score: float = records.USUAL_SCORE
+        self, false_targets: float | None = None, score: float = records.DEFAULT_SCORE
     ) -> records.Similarity:
-        """A score from 0 to 1 of the value per step: 1 is perfect.
+        """Return a score from 0 to 1 of the value per step: 1 is perfect.
 
         Parameters
         ----------
@@ -550,15 +550,15 @@ class Evaluation(ABC):
         )
 
     def to_json(self) -> str:
-        """The JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document: sorted keys, no NaN, full doubles."""
         return records.json_text(self.to_dict())
 
     def quantity(self, value: float, digits: int = 6) -> str:
-        """A value in words, with the unit of the states."""
+        """Format a value with the unit of the states."""
         return number(value, digits) + (f" {self.labels.unit}" if self.labels.unit else "")
 
     def share(self, part: float) -> str:
-        """A cost in percent of the total, in words."""
+        """Format a cost in percent of the total."""
         return f"{100 * part / self.total:.1f} %" if self.total > 0 else "-"
 
     @property
@@ -592,14 +592,14 @@ class Evaluation(ABC):
     per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 
     def frame(self, name: str) -> "pd.DataFrame":
-        """A table as a DataFrame."""
+        """Return a table as a DataFrame."""
         import pandas as pd  # lazy: pandas is slow to import
 
         return pd.DataFrame(self.table(name))
 
 
 def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Numbers of several groups in one dict, with a dot between the names."""
+    """Return numbers of several groups in one dict, with a dot between the names."""
     return {
         f"{group}.{name}": float(x) for group, each in groups.items() for name, x in each.items()
     }

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 EXPLANATION_SCHEMA = "tgospa-eval/explanation/1"
 
 OF_THE_RESULT = ("certified", "parameters", "files", "input", "version")
-"""What the JSON has of the result as it is, beside its values."""
+"""Fields of the result that the JSON has as they are, beside its values."""
 
 KINDS = ("merge", "exchange", "split", "drop", "trim", "fill", "extend", "shift", "offset")
-"""What a repair does."""
+"""Kinds of repairs."""
 
 EDIT = ("kind", "text", "shift", "offset", "rows")
 VALUES = ("total", "tgospa", "lower_bound", "upper_bound")
-"""What a record has of a repair as it is: what it does, and the evaluation after it."""
+"""Fields of the evaluation after a repair that a record has as they are."""
 
 NOT_ADDITIVE = (
     "savings do not add up: each is that of its repair alone; apply one, then explain what is left"
@@ -86,7 +86,7 @@ class Repair:
         return f"Repair({self.text!r}, {saved})"
 
     def record(self, rank: int, total: float) -> Json:
-        """Record of the repair for the JSON document; `total` is the cost before."""
+        """Return the record of the repair for the JSON document; `total` is the cost before."""
         return {
             "rank": rank,
             "estimates": list(self.estimates),
@@ -143,7 +143,7 @@ class Explanation:
         return pd.DataFrame(self.columns())
 
     def columns(self) -> Columns:
-        """The repairs as columns."""
+        """Return the repairs as columns."""
         rows = [
             record
             | {"repair": record["text"], "estimates": " ".join(record["estimates"])}
@@ -159,7 +159,7 @@ class Explanation:
         return [repair.record(rank, total) for rank, repair in enumerate(self.repairs, 1)]
 
     def record(self) -> Json:
-        """Their part of a JSON document."""
+        """Return the part of a JSON document for the repairs."""
         return {
             "repairs": self._records(),
             "candidates": self.candidates,
@@ -169,7 +169,7 @@ class Explanation:
         }
 
     def repaired(self, rank: int = 1) -> Trajectories:
-        """The estimate after the repair of this rank, in its own units.
+        """Return the estimate after the repair of this rank, in its own units.
 
         It has the rows that count, and what the same options read beside their states.
 
@@ -184,7 +184,7 @@ class Explanation:
         return self.conversion.undone(self.repairs[rank - 1].edit(self.estimate))
 
     def to_dict(self) -> Json:
-        """The JSON document as plain Python values."""
+        """Return the JSON document as plain Python values."""
         result = self.result
         lower, upper = result.total_bounds
         return {
@@ -200,5 +200,5 @@ class Explanation:
         }
 
     def to_json(self) -> str:
-        """The JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document: sorted keys, no NaN, full doubles."""
         return json_text(self.to_dict())

@@ -30,7 +30,7 @@ IN_PARTS = "assignments"
 
 
 def name_of(table: str) -> str:
-    """The name of a table in its folder."""
+    """Return the name of a table in its folder."""
     return table if table == IN_PARTS else f"{table}.parquet"
 
 
@@ -47,7 +47,7 @@ class StoredTables:
         self.folder = folder
 
     def files(self, table: str) -> list[Path]:
-        """The files of a table, in order.
+        """Return the files of a table, in order.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class StoredTables:
         return [path]
 
     def names(self) -> dict[str, Path]:
-        """All files, by their names in a folder, with slashes."""
+        """Return all files, by their names in a folder, with slashes."""
         return {
             path.relative_to(self.folder).as_posix(): path
             for table in STORED_TABLES
@@ -73,12 +73,12 @@ class StoredTables:
         }
 
     def rows(self, table: str) -> int:
-        """Number of rows of a table."""
+        """Return the number of rows of a table."""
         with self._opened(table) as files:
             return sum(file.metadata.num_rows for file in files)
 
-    def columns(self, table: str, most: int | None = None) -> Columns:
-        """A table, or its first rows, as plain Python values."""
+    def columns(self, table: str, limit: int | None = None) -> Columns:
+        """Return a table, or its first rows, as plain Python values."""
         import pyarrow as pa
 
         parts: list[pa.RecordBatch] = []
@@ -86,13 +86,13 @@ class StoredTables:
             schema = files[0].schema_arrow if files else pa.schema([])
             for batch in _batches(files):
                 parts.append(batch)
-                if most is not None and sum(map(len, parts)) >= most:
+                if limit is not None and sum(map(len, parts)) >= limit:
                     break
-        made: Columns = pa.Table.from_batches(parts, schema)[:most].to_pydict()
+        made: Columns = pa.Table.from_batches(parts, schema)[:limit].to_pydict()
         return made
 
     def frame(self, table: str) -> "pd.DataFrame":
-        """A table as a DataFrame."""
+        """Return a table as a DataFrame."""
         import pyarrow as pa
 
         with self._opened(table) as files:
@@ -100,15 +100,15 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """Rows with the highest sums of some columns, none of 0; of equal ones the first."""
+        """Return rows with the highest sums of some columns, none of 0; of equal ones the first."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
                 columns = [_doubles(batch[name]) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
                 # A later row replaces a known one only if it costs more than the cheapest of these.
-                least = best[-1][0] if best and len(best) == count else 0.0
-                dear = np.flatnonzero(cost > least)
+                threshold = best[-1][0] if best and len(best) == count else 0.0
+                dear = np.flatnonzero(cost > threshold)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
                 rows = [batch.slice(row, 1).to_pylist()[0] for row in dear.tolist()]
                 best += zip(cost[dear].tolist(), rows, strict=True)
@@ -117,7 +117,7 @@ class StoredTables:
 
     @contextmanager
     def _opened(self, table: str) -> "Iterator[list[pq.ParquetFile]]":
-        """The files of a table, one after the other.
+        """Yield the files of a table, one after the other.
 
         Raises
         ------
@@ -141,17 +141,17 @@ class StoredTables:
 
 
 def _doubles(column: "pa.DoubleArray") -> Floats:
-    """A column in which none is missing; `numpy.asarray` and `take` would import pandas."""
+    """Return a column without missing values; `numpy.asarray` and `take` would import pandas."""
     values: Floats = np.frombuffer(column.buffers()[1], np.float64)
     return values[column.offset : column.offset + len(column)]
 
 
 def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
-    """Some rows at a time."""
+    """Yield some rows at a time."""
     return (batch for file in files for batch in file.iter_batches())
 
 
-MOST_RECORDS = 100_000
+MAX_RECORDS = 100_000
 """Steps, or switches, of which the JSON document has a record each; of more it names the table."""
 
 
@@ -187,12 +187,12 @@ class PartitionedResult(Evaluation):
     def _of_tracks(self, name: str) -> Columns:
         return self.tables.columns(name)
 
-    def first_switches(self, most: int) -> tuple[Columns, int]:
-        """First rows of the table of switches, at most so many, and the number of all rows."""
-        return self.tables.columns("switches", most), self.tables.rows("switches")
+    def first_switches(self, count: int) -> tuple[Columns, int]:
+        """Return the first rows of the table of switches, at most `count`, and their number."""
+        return self.tables.columns("switches", count), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
-        """Rows of the costliest truths, of kind ``"missed"``, or estimates, of ``"false"``."""
+        """Return rows of the costliest truths, of kind ``"missed"``, or estimates, ``"false"``."""
         table = "per_truth" if kind == "missed" else "per_estimate"
         return self.tables.costliest(table, ("localisation", kind, "switch"), count)
 
@@ -204,11 +204,11 @@ class PartitionedResult(Evaluation):
         return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
-        """Names of the tables in the result folder, and the short records."""
+        """Return names of the tables in the result folder, and the short records."""
         fields: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
-        if len(self.labels.times) <= MOST_RECORDS:
+        if len(self.labels.times) <= MAX_RECORDS:
             fields["per_step"] = records(self.table("per_step"))
-        if self.tables.rows("switches") <= MOST_RECORDS:
+        if self.tables.rows("switches") <= MAX_RECORDS:
             fields["switches"] = records(self.table("switches"))
         return fields
 

@@ -78,12 +78,12 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Relative error of a root because 1/p is no double."""
+        """Return the relative error of a root because 1/p is no double."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
     def outward_root(self, cost: float, sign: int) -> float:
-        """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
+        """Return the metric of a cost in units of c^p, rounded down (-1) or up (1)."""
         return outward(self.parameters.root(cost), sign, float(self.root_error(cost)))
 
     @property
@@ -93,7 +93,7 @@ class Costs:
         return outward(scale * bounds.lower, -1), outward(scale * bounds.upper, 1)
 
     def numbers(self, gap: float, steps: int) -> dict[str, Any]:
-        """The main numbers of a row: value, bounds, cost, parts and counts.
+        """Return the main numbers of a row: value, bounds, cost, parts and counts.
 
         It is exact with a relative gap up to `gap`; the value per step is of so many steps.
         """
@@ -120,7 +120,7 @@ MetricSums = Mapping[str, float | list[float]]
 
 
 def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
-    """The record of the file of a side.
+    """Return the record of the file of a side.
 
     Parameters
     ----------
@@ -142,13 +142,13 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
 def step_columns(split: Breakdown, scale: float) -> Arrays:
-    """Cost of each step by kind, and of all; `scale` is c^p."""
+    """Return the cost of each step by kind, and of all; `scale` is c^p."""
     columns = {name: scale * getattr(split, name) for name in PARTS}
     return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """Costs of each truth (side 0) or estimate (side 1); `steps` says at how many it exists."""
+    """Return costs of each truth (side 0) or estimate (side 1); `steps` has their lengths."""
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -161,27 +161,27 @@ def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arra
 
 
 def as_lists(columns: Arrays) -> Columns:
-    """Columns of plain Python values."""
+    """Return columns of plain Python values."""
     return {name: column.tolist() for name, column in columns.items()}
 
 
 def json_text(document: Mapping[str, object]) -> str:
-    """A document as JSON: sorted keys, no NaN, full doubles."""
+    """Return a document as JSON: sorted keys, no NaN, full doubles."""
     import json  # lazy: the table does without
 
     return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
 
 
 def records(table: Columns) -> list[Json]:
-    """The rows of a table."""
+    """Return the rows of a table."""
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
 # -------------------------------------------------------------------------------------------------
 # A score from 0 to 1 of an evaluation, and bounds that are rounded outward.
 
-USUAL_SCORE = 0.1
-"""What the false targets of the calibration score, as in the authors' scripts."""
+DEFAULT_SCORE = 0.1
+"""Score of the false targets of the calibration, as in the authors' scripts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,30 +202,30 @@ class Calibration:
     """
 
     false_targets: float
-    score: float = USUAL_SCORE
+    score: float = DEFAULT_SCORE
 
     def __post_init__(self) -> None:
-        for name, most in (("false_targets", math.inf), ("score", 1.0)):
+        for name, maximum in (("false_targets", math.inf), ("score", 1.0)):
             value = real_number(name.replace("_", " "), getattr(self, name))
-            if not 0 < value < most:
-                limit = "finite" if math.isinf(most) else f"< {most:g}"
+            if not 0 < value < maximum:
+                limit = "finite" if math.isinf(maximum) else f"< {maximum:g}"
                 raise ConfigError(f"{name.replace('_', ' ')} is {value:g}: must be > 0 and {limit}")
             object.__setattr__(self, name, value)
 
     def beta(self, parameters: Parameters) -> float:
-        """The scale on which the metric counts, in its unit."""
+        """Return the scale on which the metric counts, in its unit."""
         false = parameters.root(parameters.rho * self.false_targets)
         return false / math.log((2 - self.score) / self.score)
 
     def of(self, value: float, parameters: Parameters) -> float:
-        """The score of a value per step."""
+        """Return the score of a value per step."""
         small = math.exp(-value / self.beta(parameters))
         return 2 * small / (1 + small)
 
     def similarity(
         self, value: float, bounds: tuple[float, float], parameters: Parameters
     ) -> "Similarity":
-        """Score of a value per step, and its bounds."""
+        """Return the score of a value per step, and its bounds."""
         beta = self.beta(parameters)
         ends = []
         for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
@@ -276,7 +276,7 @@ SPLIT_PARTS = (
 
 
 def members_in_words(settings: Mapping[str, Any]) -> str:
-    """Options beside c, p and gamma that choose the member of the family, each after a comma."""
+    """Return options beside c, p and gamma that choose the member of the family."""
     words = ["weighted steps"] * ("step_weights" in settings)
     words += ["probabilities of existence (experimental)"] * ("existence" in settings)
     words += [f"not judged: {text}" for text in settings.get("ignore", ())]
@@ -284,7 +284,7 @@ def members_in_words(settings: Mapping[str, Any]) -> str:
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:
-    """The value moved down (-1) or up (1) by more than a power and products are off by.
+    """Move a value down (-1) or up (1) by more than the error of a power and products.
 
     `error` is a relative one beside these.
     """
@@ -294,7 +294,7 @@ def outward(value: float, sign: int, error: float = 0.0) -> float:
 
 
 def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
-    """The names of the highest of these costs, of equal ones the first; none that is 0."""
+    """Return the names of the highest of these costs, of equal ones the first; none that is 0."""
     order = np.argsort(-cost, kind="stable")[:count]
     return [names[k] for k in order if cost[k] > 0]
 
@@ -309,7 +309,7 @@ class ComparedSides:
 
     Parameters
     ----------
-    moments : (T,) int or float array
+    timestamps : (T,) int or float array
         The steps, as numbers.
     labels : Labels
         Ids.
@@ -329,7 +329,7 @@ class ComparedSides:
         Reports of which the rows of the estimate are, on a common clock.
     """
 
-    moments: NDArray[Any]
+    timestamps: NDArray[Any]
     labels: Labels
     settings: Mapping[str, object]
     columns: tuple[str, ...]

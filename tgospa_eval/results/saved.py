@@ -39,7 +39,7 @@ from tgospa_eval.text import option
 # The one check of stored numbers: of saved results, rows of stores, and baselines alike.
 #
 # Names are those of the document of a result, with a dot between levels. A rule whose numbers are
-# not all there is passed over. Tolerances are those of sums and roots of doubles.
+# not all there is skipped. Tolerances are those of sums and roots of doubles.
 
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of what was summed."""
@@ -63,7 +63,7 @@ Rule = tuple[str, Mask, Floats, str]
 def contradiction(
     values: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
 ) -> str | None:
-    """The first number that does not fit the others, in words; None if all fit.
+    """Describe the first number that contradicts the others; None if all fit.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def contradiction(
 
 
 def contradictions(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[tuple[int, str]]:
-    """The first row that breaks each rule, and how.
+    """Yield the first row that breaks each rule, and how.
 
     Parameters
     ----------
@@ -113,14 +113,14 @@ def _close(
     words: str,
     tolerance: Floats | float = ADD_UP,
 ) -> Rule:
-    """A number that is finite must be another one, up to a relative tolerance."""
+    """Return the rule that a finite number must equal another one, up to a relative tolerance."""
     own = table[name]
     right = np.abs(own - other) <= tolerance * own + TINY
     return name, right, other, words
 
 
 def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """The bounds, the value between them, and its power, the total."""
+    """Yield rules for the bounds, the value between them, and its power, the total."""
     order = table["order"]
     rounding = AGREE * order
     for lower, value, upper in (
@@ -129,8 +129,8 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
     ):
         if lower in table and upper in table:
             yield lower, table[lower] <= table[upper], table[upper], f"{upper} is"
-            most = table[value] * (1 + rounding) + TINY
-            yield lower, table[lower] <= most, table[value], f"{value} is"
+            upper_limit = table[value] * (1 + rounding) + TINY
+            yield lower, table[lower] <= upper_limit, table[value], f"{value} is"
             yield _close(table, value, table[upper], f"{upper} is", rounding)
     powers = (("total", "tgospa"), ("total_lower", "lower_bound"), ("total_upper", "upper_bound"))
     for power, root in powers:
@@ -148,7 +148,7 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Parts of the total and of localisation, NaN for missing ones."""
+    """Yield parts of the total and of localisation, NaN for missing ones."""
     for name, parts in (("total", PARTS), *(("localisation", split) for split in SPLITS)):
         if all(part in table for part in parts):
             made = np.sum([table[part] for part in parts], axis=0)
@@ -157,7 +157,7 @@ def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """The costs of the steps, and the value of one."""
+    """Yield rules for the costs of the steps, and the value of one."""
     for name in (*PARTS, "total"):
         if f"per_step.{name}" in table:
             words = f"the numbers of per_step.{name} sum to"
@@ -165,13 +165,13 @@ def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
     if "judged.steps" in table:
         order, each = table["order"], table["total"] / np.maximum(table["judged.steps"], 1)
         name = "normalised.tgospa"
-        # Of powers, which have no digits less where they are small.
+        # Powers keep their digits where they are small.
         _, right, _, _ = _close({name: table[name] ** order}, name, each, "", ADD_UP * order)
         yield name, right, each ** (1 / order), "total and judged.steps make it"
 
 
 def _of_counts(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[Rule]:
-    """The numbers of misses, false targets and switches."""
+    """Yield rules for the numbers of misses, false targets and switches."""
     scale = table["cutoff"] ** table["order"]
     rho = table.get("rho", np.full(len(scale), 0.5))
     switch = np.minimum(table["switch_penalty"] ** table["order"], MAX_SWITCH_PRICE * scale)
@@ -202,7 +202,7 @@ MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json pri
 
 
 def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Settings that change the number."""
+    """Return the settings that change the number."""
     return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
 
 
@@ -215,7 +215,7 @@ OF_THE_ESTIMATE = (
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
-    """Parameters of the metric, as JSON has them, in which two differ: name and both values."""
+    """Yield parameters of the metric, as JSON has them, that differ: name and both values."""
 
     def shown(parameters: Mapping[str, object], name: str) -> str:
         there = name in parameters
@@ -227,12 +227,12 @@ def unlike(
 
 
 def saved_result(path: str) -> str | None:
-    """The JSON of a result at a path, which may be its folder; None if there is none."""
+    """Return the JSON of a result at a path, which may be its folder; None if there is none."""
     if os.path.isdir(path):
         path = os.path.join(path, RESULT_FILE)
     if not os.path.isfile(path):  # a pipe can be read once only
         return None
-    with suppress(OSError), open(path, "rb") as file:  # who reads it says what is wrong
+    with suppress(OSError), open(path, "rb") as file:  # the reader reports faults
         begin = file.read(64)
         is_object = begin.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{"
         if is_object and f'"{FAMILY}'.encode() in begin + file.read():
@@ -240,7 +240,7 @@ def saved_result(path: str) -> str | None:
     return None
 
 
-JUDGED: dict[str, FieldKind] = {
+EVALUATED_ON: dict[str, FieldKind] = {
     "steps": COUNT,
     "steps_sha256": TEXT,
     "truth_states": COUNT,
@@ -298,7 +298,7 @@ RESULT = {
     "counts": dict.fromkeys(COUNTED_PARTS, COST),
     "normalised": {"tgospa": COST},
     "parameters": PARAMETERS,
-    "judged": JUDGED,
+    "judged": EVALUATED_ON,
     "solver": {"status": TEXT, "finished": FLAG},
     "input": {role: {"sha256": TEXT} for role in ROLES},
     "files": dict.fromkeys(ROLES, or_null(TEXT)),
@@ -314,7 +314,7 @@ RESULT = {
 
 
 def read_result(path: str) -> Json:
-    """The document of a saved result.
+    """Return the document of a saved result.
 
     Raises
     ------
@@ -334,7 +334,7 @@ def read_result(path: str) -> Json:
 
 
 def result_fault(document: Json) -> str | None:
-    """The first field of a result that is missing, wrong, or contradicts others; None if none."""
+    """Describe the first field of a result that is missing, wrong or contradictory; else None."""
     wrong = fault(document, RESULT) or fault(document, {"by_class": Maybe({...: RESULT})})
     if wrong:
         return wrong
@@ -359,12 +359,12 @@ def result_fault(document: Json) -> str | None:
 
 
 def added(values: Iterable[float]) -> float:
-    """The sum, which may be infinite."""
+    """Return the sum, which may be infinite."""
     return sum(map(float, values))
 
 
 def slices_fault(slicings: Iterable[Json], whole: Mapping[Any, Any]) -> str | None:
-    """The first part of the cost that slices do not add up to; None if they do."""
+    """Describe the first part of the cost that slices do not add up to; None if they do."""
     for number, one in enumerate(slicings):
         for part in PARTS:
             total = added(row[part] for row in one["slices"])

@@ -82,13 +82,13 @@ def _ratio(value: float, by: float) -> float | None:
 
 
 SLICE_NUMBERS = tuple(field.name for field in fields(Slice))[1:]
-"""What every slice has one number of, but for the total."""
+"""Names of which every slice has one number, but for the total."""
 
 OLDER_NUMBERS = SLICE_NUMBERS[:-2]
-"""Those that older results have, too."""
+"""Numbers that older results have, too."""
 
 RATIOS = ("detection_rate", "rmse")
-"""What follows from them; nothing where nothing is assigned."""
+"""Numbers that follow from them; nothing where nothing is assigned."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +119,7 @@ class Slicing:
         return f"Slicing({self.by!r}, total={self.total:.6g}; {costs})"
 
     def table(self) -> Columns:
-        """A row for each slice."""
+        """Return a row for each slice."""
         names = ("total", *SLICE_NUMBERS)
         return {"slice": [part.name for part in self.slices]} | {
             name: [_known(getattr(part, name)) for part in self.slices] for name in names + RATIOS
@@ -133,7 +133,7 @@ class Slicing:
         return pd.DataFrame(self.table())
 
     def record(self) -> Json:
-        """Slices as a record in the document of a result."""
+        """Return slices as a record in the document of a result."""
         return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
@@ -147,7 +147,7 @@ class Slicing:
 
 
 def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
-    """The sums of several evaluations that are split, for each attribute; some may lack one.
+    """Yield the sums of several evaluations that are split, by attribute; some may lack one.
 
     Slices of one name are added.
     """
@@ -172,7 +172,7 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:
-    """All slices in one table; the first column names the attribute."""
+    """Return all slices in one table; the first column names the attribute."""
     tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
         (one.by, one.table()) for one in slicings
     ]
@@ -183,7 +183,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names of slices in order: numbers by their values, unnamed slices at the end."""
+    """Return names of slices in order: numbers by their values, unnamed slices at the end."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 

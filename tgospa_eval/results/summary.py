@@ -13,7 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import Columns, Json
 
 Quantity: TypeAlias = Callable[[float], str]
-"""What writes a number with the unit of the states."""
+"""Format of a number with the unit of the states."""
 
 SUMMARY = "summary"
 """Name of the record, and what names of its numbers begin with in rows and rules."""
@@ -33,14 +33,14 @@ NUMBERS = (
 """Names of all numbers, but for those of each axis: ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Those that are shares, of which the largest is the best."""
+"""Numbers that are shares, of which the largest is the best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Those of which the least is the best."""
+"""Numbers of which the smallest is the best."""
 
 POOLED = {
     "detection_rate": "truth_states",
@@ -51,7 +51,7 @@ POOLED = {
 
 
 def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
-    """The numbers of several evaluations together, by their names with dots.
+    """Return the numbers of several evaluations together, by their names with dots.
 
     Rates, RMSE and the mean error are those of all states, everything else is the mean of the
     evaluations in which it is defined.
@@ -100,7 +100,7 @@ class TrackedShares:
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """Numbers of mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
+        """Count mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -144,7 +144,7 @@ class Summary:
     per_estimate: Mapping[str, Floats | Ints]
 
     def columns(self, table: str) -> Columns:
-        """Columns of the table ``per_truth`` or ``per_estimate``, None where there is no number."""
+        """Return columns of the table ``per_truth`` or ``per_estimate``, None without a number."""
         columns: Mapping[str, Floats | Ints] = getattr(self, table)
         return {
             name: [value if math.isfinite(value) else None for value in values.tolist()]
@@ -153,7 +153,7 @@ class Summary:
 
 
 def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[str, float]]:
-    """The numbers of a summary by names with dots, without those that are not defined."""
+    """Yield the numbers of a summary by names with dots, without those that are not defined."""
     for name, value in numbers.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{before}.{name}")
@@ -162,7 +162,7 @@ def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[st
 
 
 def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity: Quantity) -> str:
-    """The numbers that people ask for first, in one line; `quantity` writes a length."""
+    """Return the most important numbers in one line; `quantity` writes a length."""
     states, rate = numbers["truth_states"], numbers["detection_rate"]
     parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
     if numbers["rmse"] is not None:
@@ -173,7 +173,7 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """Share in percent; only a full share is shown as 100 %, only none as 0 %."""
+    """Return the share in percent; only a full share is shown as 100 %, only none as 0 %."""
     if share is None:
         return "-"
     share = round(share, 12)  # sums of weights have roundings
@@ -187,7 +187,7 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """Summary in words, a name and its numbers a line; without lines that have no number.
+    """Yield the summary in words, a name and its numbers a line; without lines that have no number.
 
     `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
     """
@@ -273,7 +273,7 @@ def rows(
 
 
 def finite(numbers: Mapping[str, Any]) -> Json:
-    """The numbers, None for those that overflowed."""
+    """Return the numbers, None for those that overflowed."""
     return {
         name: finite(value)
         if isinstance(value, Mapping)
@@ -285,16 +285,16 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """Ratio; None for 0 / 0."""
+    """Return the ratio; None for 0 / 0."""
     return value / by if by else None
 
 
 def mean(values: Floats) -> float | None:
-    """The mean of those that are not NaN; None of none."""
+    """Return the mean of those that are not NaN; None of none."""
     known = values[values == values]
     return float(known.mean()) if len(known) else None
 
 
 def root(value: float | None) -> float | None:
-    """The square root; None of None."""
+    """Return the square root; None of None."""
     return None if value is None else math.sqrt(value)

@@ -111,13 +111,13 @@ class SweepEvaluation:
         return None if unit is None or self.parameter in ("order", "rho") else str(unit)
 
     def columns(self) -> Columns:
-        """The points as columns, the parameter first."""
+        """Return the points as columns, the parameter first."""
         rows = [asdict(point) for point in self.points]
         table = {name: [row[name] for row in rows] for name in rows[0]}
         return {self.parameter: table.pop("value"), **table}
 
     def unchanged(self, *counts: str) -> tuple[int, int] | None:
-        """First and last point of the longest range in which these counts are the same.
+        """Return the first and last point of the longest range in which these counts are the same.
 
         None if they differ between all neighbours. Between the points nothing is proven.
         """
@@ -126,14 +126,14 @@ class SweepEvaluation:
             for a, b in pairwise(self.points)
         ]
         best, begin = (0, 0), 0
-        for k, holds in enumerate([*same, False]):
-            if not holds:
+        for k, is_same in enumerate([*same, False]):
+            if not is_same:
                 best = max(best, (begin, k), key=lambda span: span[1] - span[0])
                 begin = k + 1
         return best if best[1] > best[0] else None
 
     def to_dict(self) -> Json:
-        """The JSON document as plain Python values."""
+        """Return the JSON document as plain Python values."""
         return {
             "schema": SWEEP_SCHEMA,
             "version": self.version,
@@ -153,7 +153,7 @@ class SweepEvaluation:
         }
 
     def to_json(self) -> str:
-        """The JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document: sorted keys, no NaN, full doubles."""
         return json_text(self.to_dict())
 
     def _range(self, *counts: str) -> Json | None:
@@ -169,7 +169,7 @@ class SweepEvaluation:
 
 
 def _nested(point: Point) -> Json:
-    """A point with the names of the JSON of a result."""
+    """Return a point with the names of the JSON of a result."""
     names = asdict(point)
     counts = {name: names.pop(f"{name}_count") for name in ("missed", "false", "switch")}
     solver = {name: names.pop(name) for name in ("status", "finished")}

@@ -40,7 +40,7 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""What the RMS is of: costs of the step at t; their sum up to t by the steps of the horizon up to
+"""Costs under the RMS: those of the step at t; their sum up to t by the steps of the horizon up to
 t; the same of an evaluation of these steps alone."""
 
 LINE_NAMES = {
@@ -57,7 +57,7 @@ LINE_NAMES = {
     "detection_rate": "detection rate",
     NEES: "NEES",
 }
-"""What is drawn of a curve, as papers call it."""
+"""Names of the lines of a curve, as papers have them."""
 
 BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
 
@@ -67,16 +67,16 @@ BANDS: Mapping[BandKind, str] = {
     "percentiles": "the 2.5th to the 97.5th percentile of the runs",
     "deviation": "one standard deviation of the runs to either side",
 }
-"""What bands around curves are; the first by default."""
+"""Names of bands around curves; the first by default."""
 
 POINT_COLUMNS = (
     *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
     *(f"{part}{end}" for part in PARTS for end in ("", "_low", "_high")),
 )
-"""Of a table with a row for each time."""
+"""Columns of a table with a row for each time."""
 
 KIND_COLUMN = "curve"
-"""What comes before them where several curves are in one table."""
+"""Column before them where several curves are in one table."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
 """Lower and upper ends; None where too few runs count."""
@@ -121,7 +121,7 @@ class RmsCurve:
     means: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def values(self, name: str) -> Sequence[float]:
-        """A line of the curve, costs or means."""
+        """Return a line of the curve, costs or means."""
         return self.rms[name] if name in self.rms else self.means[name]
 
     @property
@@ -130,13 +130,13 @@ class RmsCurve:
         return "/".join(self.group.values())
 
     def top(self, name: str) -> float:
-        """The largest value of the whole cost or a part, with its band."""
+        """Return the largest value of the whole cost or a part, with its band."""
         ends = self.bands[name][1] if name in self.bands else ()
         known = [value for value in self.values(name) if value == value]
         return max((*known, *(end for end in ends if end is not None)), default=0.0)
 
     def table(self) -> Columns:
-        """A row for each time."""
+        """Return a row for each time."""
         size = len(self.times)
         none = [None] * size
         each = {
@@ -156,7 +156,7 @@ class RmsCurve:
 def on_one_axis(
     curves: Sequence[RmsCurve],
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
-    """Common time axis of all curves, positions of each curve's times on it, and its ends.
+    """Return the common time axis of all curves, each curve's positions on it, and its ends.
 
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
     """
@@ -176,7 +176,7 @@ def on_one_axis(
 
 
 def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
-    """All curves in one table."""
+    """Return all curves in one table."""
     table: Columns = {}
     rows = 0
     for curve in curves:
@@ -192,7 +192,7 @@ def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
 
 
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
-    """All curves, each with its points."""
+    """Return all curves, each with its points."""
     return [
         {
             "by": dict(curve.group),
@@ -207,7 +207,7 @@ def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
 Places = tuple[int, int]
 """The best and the worst, counted from 1."""
 
-MOST_LINES = 6
+MAX_LINES = 6
 """Groups whose curves are drawn."""
 
 
@@ -273,18 +273,18 @@ class Ranking:
         return [each.get(entry["name"], math.nan) for entry in self.entries]
 
     def place(self, entry: Json) -> str:
-        """The proven place of an entry in words."""
+        """Return the proven place of an entry in words."""
         return rendering.place_in_words(
             *entry["place"], shared=entry["name"] in rendering.equal_names(self.comparisons)
         )
 
     def total(self, entry: Json) -> Interval:
-        """The bracket of the cost of a step."""
+        """Return the bracket of the cost of a step."""
         value = bracket(entry, "per_step")
         return Interval(lower=value.lower**self.order, upper=value.upper**self.order)
 
     @property
-    def others(self) -> str:
+    def population(self) -> str:
         """The population that a statistical conclusion is about."""
         return "other runs on this truth" if self.truths == 1 else "other truths"
 
@@ -353,7 +353,7 @@ class BatchTables:
         return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """Labels that distinguish a row of the groups from the others."""
+        """Return labels that distinguish a row of the groups from the others."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
@@ -368,22 +368,22 @@ class BatchTables:
         return [name.removeprefix("label.") for name in columns if name.startswith("label.")]
 
     def values_of(self, label: str) -> "pd.Series[str]":
-        """The value of a label of each job."""
+        """Return the value of a label of each job."""
         return self.rows[f"label.{label}"].fillna("").astype(str)
 
     def name_of(self, row: "pd.Series[Any]") -> str:
-        """Labels of a job, and options of its own."""
+        """Return labels of a job, and options of its own."""
         own = json.loads(str(row["options"]))
         texts = [str(row[f"label.{name}"]) for name in self.labels]
         texts += [f"{key}={value}" for key, value in own.items()]
         return "/".join(texts) or str(row["estimate"])
 
     def quantity(self, value: float, digits: int = 6) -> str:
-        """A value with its unit."""
+        """Return a value with its unit."""
         return f"{number(value, digits)} {self.unit}" if self.unit else number(value, digits)
 
     def between(self, value: Interval, digits: int = 6) -> str:
-        """A value, or both ends where they differ."""
+        """Return a value, or both ends where they differ."""
         if value.upper - value.lower <= study_table.NARROW * value.upper:
             return self.quantity(value.upper, digits)
         return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
@@ -438,41 +438,42 @@ class BatchTables:
         return heat_of(self.rows, (labels[1], labels[0]), across, self.link, self.parameters)
 
     @cached_property
-    def drawn_curves(self) -> list[tuple[int, RmsCurve]]:
+    def plotted_curves(self) -> list[tuple[int, RmsCurve]]:
         """Curves of the first groups, each with the number of its colour."""
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
         # The colour is that of the ranking, unless several lines would have it.
-        alone = len(set(first.values())) == len(names)
+        one_line_each = len(set(first.values())) == len(names)
         track = {
-            name: self.compared.get(first[name], k) if alone else k for k, name in enumerate(names)
+            name: self.compared.get(first[name], k) if one_line_each else k
+            for k, name in enumerate(names)
         }
         return [
             (track[name], curve)
-            for name in names[:MOST_LINES]
+            for name in names[:MAX_LINES]
             for curve in self.curves
             if curve.name == name
         ]
 
 
 def value_in_words(value: object) -> str:
-    """A label, or the value of a parameter."""
+    """Format a label, or the value of a parameter."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
-    """A set of parameters that differ in the batch, in a line."""
+    """Format a set of parameters that differ in the batch, in a line."""
     return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
 
 
 def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Interval:
-    """The bracket of a value of a group."""
+    """Return the bracket of a value of a group."""
     return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """Bracket of a value of a row of a ranking; the value is its upper end."""
+    """Return the bracket of a value of a row of a ranking; the value is its upper end."""
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
@@ -480,12 +481,12 @@ def bracket(row: Mapping[str, Any], name: str) -> Interval:
 # The table of jobs, side by side.
 
 TABLE_ROWS = 60
-"""Most rows of a table with numbers; of more there are squares."""
+"""Rows of a table with numbers, at most; larger ones have squares."""
 
-MOST_SQUARES = 1000
-"""Of each column; of more jobs those are shown that lose most."""
+MAX_SQUARES = 1000
+"""Squares of each column, at most; of more jobs those are shown that lose most."""
 
-MOST_COLUMNS = 12
+MAX_COLUMNS = 12
 
 VALUE_COLUMNS = ("total_lower", "total_upper", "judged.steps", "order")
 
@@ -499,7 +500,7 @@ def heat_of(
     link: Callable[[Mapping[Any, Any]], str],
     parameters: Sequence[str] = (),
 ) -> Json:
-    """Jobs side by side, as a table of squares or numbers.
+    """Return jobs side by side, as a table of squares or numbers.
 
     Parameters
     ----------
@@ -531,7 +532,7 @@ def heat_of(
     for name in parameters:
         values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
         down = down + f" {name}=" + values
-    shown = list(columns)[:MOST_COLUMNS]
+    shown = list(columns)[:MAX_COLUMNS]
     # Where all jobs failed there are no columns of values.
     rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
     jobs = rows.assign(_row=down, _column=across)[across.isin(shown)]
@@ -551,28 +552,28 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # Of many rows, those with the largest values of their set are shown; failed jobs first.
+    # If there are many rows, failed jobs come first, then the largest values of their set.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
-    kept = set(share.loc[names].nlargest(MOST_SQUARES).index)
+    kept = set(share.loc[names].nlargest(MAX_SQUARES).index)
     numbers = numbers[numbers.index.isin(kept, level="_row")]
     own = numbers.groupby("scale")["upper"]
     low, width = own.transform("min"), own.transform("max") - own.transform("min")
     shades = ((numbers["upper"] - low) / width.where(width > 0)).fillna(0.0)
     numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
-    alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
+    single = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
     links = dict(
-        zip(alone.index, map(link, jobs.iloc[alone["at"]].to_dict("records")), strict=True)
+        zip(single.index, map(link, jobs.iloc[single["at"]].to_dict("records")), strict=True)
     )
     known = numbers["upper"].dropna()
-    least, most = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
     cells: dict[tuple[str, str], Json] = {}
     for item in numbers.reset_index().to_dict("records"):
         place = item["_row"], item["_column"]
         has = item["jobs"] > item["failed"]
         bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
-        text = "failed" if bounds is None else study_table.fixed(bounds, most)
+        text = "failed" if bounds is None else study_table.fixed(bounds, highest)
         cells[place] = {"value": bounds, "text": text, "link": links.get(place, ""), "best": False}
         cells[place] |= {name: item[name] for name in ("jobs", "failed", "level")}
     names = [name for name in names if name in kept]
@@ -588,7 +589,7 @@ def heat_of(
         "rows": names,
         "columns": shown,
         "cells": table,
-        "ends": (least, most) if len(known) else None,
+        "ends": (lowest, highest) if len(known) else None,
         "scales": numbers.loc[known.index, "scale"].nunique(),
         "squares": len(names) > TABLE_ROWS,
         "hidden_rows": len(share) - len(names),
@@ -601,18 +602,18 @@ def heat_of(
 
 
 def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Costs of the groups split by attributes, where that was asked for."""
+    """Yield costs of the groups split by attributes, where that was asked for."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """Names of each group that has slices, and its slices."""
+    """Yield names of each group that has slices, and its slices."""
     for group, slicings in tables.slices.items():
         yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Slices of the groups as columns, labels of the group first; no columns without slices."""
+    """Return slices of the groups as columns, labels first; no columns without slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -637,11 +638,11 @@ STORED = "slices"
 """Column of rows with the slices of each job, as text."""
 
 THRESHOLDS = ".at."
-"""In names of columns with a list in each row: a number for each threshold of HOTA."""
+"""Infix of columns with a list in each row: a number for each threshold of HOTA."""
 
 
 def batch_columns(tables: BatchTables) -> Columns:
-    """A row for each job."""
+    """Return a row for each job."""
     return {
         str(name): [value if value == value else None for value in column.tolist()]
         for name, column in tables.rows.items()
@@ -650,7 +651,7 @@ def batch_columns(tables: BatchTables) -> Columns:
 
 
 def batch_json(tables: BatchTables) -> str:
-    """Groups, rankings, comparisons, slices, curves and jobs."""
+    """Return groups, rankings, comparisons, slices, curves and jobs as JSON."""
     return json_text(
         {
             "schema": "tgospa-eval/batch/1",
@@ -685,7 +686,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """Rows as plain values, None for missing ones."""
+    """Return rows as plain values, None for missing ones."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -703,7 +704,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def document(tables: BatchTables) -> rendering.Document:
-    """JSON document of the tables by groups and of the rankings."""
+    """Return the document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return rendering.Document(
@@ -728,12 +729,12 @@ def _warns(note: str) -> bool:
 
 
 def of_expected(jobs: int, expected: int) -> str:
-    """Number of jobs with a value, and of all jobs if one is missing."""
+    """Return the number of jobs with a value, and of all jobs if one is missing."""
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
 def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """The table of the study, with the costs of a run; and of rankings on fewer jobs or labels."""
+    """Yield the table of the study with costs of a run, and rankings on fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
     rank = {own: k for k, own in enumerate(places)}
@@ -779,14 +780,14 @@ Ranked = tuple[Ranking, Json, float | None]
 
 
 def _ranked(tables: BatchTables) -> Iterator[Ranked]:
-    """The entries of all rankings, best first."""
+    """Yield the entries of all rankings, best first."""
     for ranking in tables.rankings:
         for entry, p_value in zip(ranking.entries, ranking.p_values, strict=True):
             yield ranking, entry, p_value
 
 
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
-    """Ranking (best first), entry and p value of each group that is ranked on all its jobs."""
+    """Return the ranking (best first), entry and p value of each group ranked on all its jobs."""
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
     return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
@@ -822,19 +823,19 @@ def _study_row(
 
 
 def _parameters(tables: BatchTables) -> Json:
-    """Parameters that all jobs share."""
+    """Return parameters that all jobs share."""
     if "parameters" not in tables.rows:
         return {}
-    first, *others = map(json.loads, tables.rows["parameters"].dropna().unique())
+    first, *rest = map(json.loads, tables.rows["parameters"].dropna().unique())
     return {
         name: value
         for name, value in first.items()
-        if all(name in own and own[name] == value for own in others)
+        if all(name in own and own[name] == value for own in rest)
     }
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Rows with the same jobs that differ only in the ranked label."""
+    """Return rows with the same jobs that differ only in the ranked label."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
@@ -844,7 +845,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 
 def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Other metrics of the groups, where they were asked for."""
+    """Yield other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
     other = list(result_text.other_records(rows))
@@ -855,12 +856,12 @@ def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
-    """The groups of which a job has a value."""
+    """Return the groups of which a job has a value."""
     return [row for row in tables.groups.to_dict("records") if row["jobs"]]
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
-    """The proven and the statistical order, a sentence each."""
+    """Yield the proven and the statistical order, a sentence each."""
     entries, where = ranking.entries, _where(ranking)
     jobs = f"{counted(ranking.jobs, 'job')} each"
     if ranking.jobs < ranking.all_jobs:
@@ -869,7 +870,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
+        yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
@@ -880,7 +881,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """Parameters of a ranking, if there are several sets of them."""
+    """Return parameters of a ranking, if there are several sets of them."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
@@ -919,26 +920,28 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield "the order and places are proven by the brackets, on these files"
     if opened:
         yield rendering.SPLIT_NOTE
-    for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
+    for population in dict.fromkeys(
+        item.population for item in tables.rankings if item.permutations
+    ):
         yield (
-            f"p, for {others} drawn as these were: of the difference to the best, by a two-sided "
-            "permutation test, adjusted for all pairs (Holm), significant below 0.05"
+            f"p, for {population} drawn as these were: of the difference to the best, by a "
+            "two-sided permutation test, adjusted for all pairs (Holm), significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
         yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
-            names = listed(ranking.left_out, rendering.MOST_NAMED)
+            names = listed(ranking.left_out, rendering.MAX_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
         yield f"by {option('preprocess', name)} boxes {done}"
-    yield from about_others(tables)
+    yield from about_other_metrics(tables)
     yield from about_slices_of(tables)
 
 
-def about_others(tables: BatchTables) -> Iterator[str]:
+def about_other_metrics(tables: BatchTables) -> Iterator[str]:
     """Explain the other metrics, if they were requested."""
     other = next(result_text.other_records(_with_values(tables)), {})
     if other:

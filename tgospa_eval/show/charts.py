@@ -27,9 +27,9 @@ class Chart(NamedTuple):
     draw: str
     """Module of this folder and function."""
     options: tuple[str, ...] = ()
-    """Of `Pictures`, that it takes too."""
+    """Fields of `Pictures` that it takes too."""
     absent: str = ""
-    """Why there is none."""
+    """Reason why there is no picture."""
 
 
 _PARTS = ("parts",)
@@ -84,7 +84,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "page of a batch": _CURVES,
     "page of a gate": {"runs": Chart("several:draw_runs")},
 }
-"""By kind of subject and name of file; of data in parts no tracks are drawn."""
+"""Pictures by kind of subject and name of file; of data in parts no tracks are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ class Pictures:
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
     def names(self, *kinds: str) -> tuple[str, ...]:
-        """The files of these kinds in `CHARTS`."""
+        """Return the names of the files of these kinds in `CHARTS`."""
         charts = (name for kind in kinds for name in CHARTS[kind])
         return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
@@ -146,7 +146,7 @@ class Pictures:
 
         plane_columns(known, self.columns)
 
-    def drawn(self, chart: Chart, subject: Any, style: Style) -> "Figure | None":
+    def draw(self, chart: Chart, subject: Any, style: Style) -> "Figure | None":
         """Draw one picture; None if it has nothing to show."""
         if isinstance(subject, Evaluation | Pairing):
             from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
@@ -163,7 +163,7 @@ def pictures(
     wanted: Pictures | None = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> dict[str, bytes]:
-    """Files by name: of a kind in `CHARTS` all that have something to show, each in all formats.
+    """Return files by name: all pictures of a kind in `CHARTS`, each in all formats.
 
     None without matplotlib. `notify` takes the name of each before it is written, and the share
     that is done. One figure after the other: they hold memory.
@@ -175,7 +175,7 @@ def pictures(
         with styled(wanted.style) as style:
             from tgospa_eval.show.figure_tools import written  # lazy: matplotlib is slow to import
 
-            made = wanted.drawn(chart, subject, style)
+            made = wanted.draw(chart, subject, style)
             if made is not None:
                 notify(f"{name}.{wanted.formats[0]}", at / len(charts))
                 files |= {f"{name}.{k}": written(made, k, style.dots) for k in wanted.formats}
@@ -212,7 +212,7 @@ def plot(
 
         token = PLACE.set(figure if ax is None else ax)
         try:
-            made = wanted.drawn(chart, subject, style)
+            made = wanted.draw(chart, subject, style)
         finally:
             PLACE.reset(token)
     if made is None:

@@ -23,7 +23,7 @@ TIES = (
 
 
 def estimates_document(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
-    """Several estimates of one truth, or one with per-step GOSPA beside it.
+    """Report several estimates of one truth, or one with per-step GOSPA beside it.
 
     `requested` are columns of the table.
     """
@@ -46,14 +46,14 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> renderi
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Warnings about the data or about an order by covariances."""
+    """Yield warnings about the data or about an order by covariances."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
 
 
 def estimates_columns(document: Json) -> Columns:
-    """A row for each estimate, plain numbers."""
+    """Return a row for each estimate, plain numbers."""
     items = document["estimates"]
     table = rendering.columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
@@ -78,7 +78,7 @@ def estimates_columns(document: Json) -> Columns:
 
 
 def pairs_columns(document: Json) -> Columns:
-    """A row for each pair of estimates: the second less the first, costs per step."""
+    """Return a row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
     table = rendering.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
@@ -130,7 +130,7 @@ def _runs(document: Json) -> str:
 
 
 def study_rows(document: Json) -> list[study_table.StudyRow]:
-    """A row for each estimate, best first."""
+    """Return a row for each estimate, best first."""
     items, pairs = document["estimates"], document["pairs"]
     equal, first = rendering.equal_names(pairs), items[0]["name"]
     p_values = {pair["second"]: pair["p_holm"] for pair in pairs if pair["first"] == first}
@@ -154,7 +154,7 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
 
 
 def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[rendering.Table]:
-    """The table of the study, and below differences and costs."""
+    """Yield the table of the study, and below differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
     title = study_table.value_name(document["parameters"]["order"], document["runs"])
     caption = study_table.study_caption(title, document["parameters"])
@@ -166,7 +166,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[renderin
 
 
 def _pair_tables(document: Json) -> Iterator[rendering.Table]:
-    """Differences to the first estimate, costs per step."""
+    """Yield differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -189,7 +189,7 @@ def _pair_tables(document: Json) -> Iterator[rendering.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[rendering.Table]:
-    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    """Yield TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -257,7 +257,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
 
 
 def solvers_document(document: Json) -> rendering.Document:
-    """One problem through several solvers."""
+    """Report one problem through several solvers."""
     runs = document["runs"]
     return rendering.Document(
         kind=f"Comparison of solvers; {rendering.TO_RANK}",
@@ -298,7 +298,7 @@ def solvers_document(document: Json) -> rendering.Document:
 
 
 def solvers_columns(document: Json) -> Columns:
-    """A row for each run, plain numbers."""
+    """Return a row for each run, plain numbers."""
     runs = document["runs"]
     names = (
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
@@ -347,7 +347,7 @@ ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation
 
 
 def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
-    """The value of the regularised problem, where a run has one."""
+    """Yield the value of the regularised problem, where a run has one."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
@@ -368,13 +368,13 @@ STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
-    """Seconds of each stage, of all runs."""
+    """Return seconds of each stage, of all runs."""
     each = [_split(run["seconds"]) for run in runs]
     return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Tables of one run."""
+    """Return the split of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -392,7 +392,7 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 
 
 def study_document(document: Json) -> rendering.Document:
-    """Solvers on synthetic scenes of many sizes."""
+    """Report solvers on synthetic scenes of many sizes."""
     return rendering.Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
@@ -427,11 +427,11 @@ CAPTIONS = {
     "error_over_epsilon": "Error of sinkhorn by temperature, mean and one standard deviation",
     "scaling": "Time and error over targets and over steps, mean and one standard deviation",
 }
-"""What the pictures of a study show, by name."""
+"""Captions of the pictures of a study, by name."""
 
 
 def study_columns(document: Json) -> Columns:
-    """A row for each size and solver, plain numbers."""
+    """Return a row for each size and solver, plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
         "targets": [size["targets"] for size, _ in rows],
@@ -480,7 +480,7 @@ def _study_lines(document: Json) -> Iterator[str]:
 
 
 def _times_table(document: Json) -> rendering.Table:
-    """Time and error; mean and standard deviation over the runs."""
+    """Return the table of time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
@@ -499,7 +499,7 @@ def _times_table(document: Json) -> rendering.Table:
 
 
 def _rms_table(document: Json) -> rendering.Table:
-    """The metric itself: roots per step, RMS over runs."""
+    """Return the table of the metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
     table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
@@ -539,14 +539,14 @@ COLUMNS = {
     "solvers": solvers_columns,
     "study": study_columns,
 }
-"""Of each kind of document the main table."""
+"""Main table of each kind of document."""
 
 DOCUMENTS = {
     "estimates": estimates_document,
     "solvers": solvers_document,
     "study": study_document,
 }
-"""Of each kind what people read."""
+"""Text for people of each kind of document."""
 
 
 def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
@@ -569,7 +569,7 @@ def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
 
 
 def sweep_document(sweep: SweepEvaluation) -> rendering.Document:
-    """A row for each value."""
+    """Return the document of a sweep, with a row for each value."""
     points = sweep.points
     table = {rendering.LETTERS[sweep.parameter]: [number(point.value) for point in points]}
     if not sweep.certified:
@@ -615,7 +615,7 @@ def _sweep_title(sweep: SweepEvaluation) -> str:
 
 
 def _quantity(sweep: SweepEvaluation, k: int) -> str:
-    """The value at a point, with its unit if it has one."""
+    """Return the value at a point, with its unit if it has one."""
     return number(sweep.points[k].value) + (f" {sweep.unit}" if sweep.unit else "")
 
 

@@ -31,7 +31,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """Empty figure, sizes in inches, and its axes as a (rows, columns) array; or those of `PLACE`.
+    """Return an empty figure, sizes in inches, and its (rows, columns) axes; or `PLACE`.
 
     Raises
     ------
@@ -54,15 +54,15 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
         axis.set_axisbelow(True)
         for side, spine in axis.spines.items():
             spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # on the edge of the axes, and to find that out takes long
+            spine.set_in_layout(False)  # on the edge of the axes: finding that out takes long
         counted(axis.xaxis)
         counted(axis.yaxis)
-        axis.xaxis.set_major_locator(ApartLocator())
+        axis.xaxis.set_major_locator(SpacedLocator())
     return made, axes
 
 
 def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
-    """The picture as a file of one of `FILES`; to be called under `styled`.
+    """Return the picture as a file of one of `FILES`; to be called under `styled`.
 
     The layout is that of a PNG whatever the format and those before, and made once.
     """
@@ -77,7 +77,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # savefig draws everything once more before, and stores opacities too
+        if kind == "png":  # savefig draws everything once more, and stores opacities too
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -88,20 +88,20 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
 
 
 def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
-    """Filled steps within limits that are set by hand: to find theirs takes longer than to draw."""
+    """Draw filled steps within limits set by hand: to find theirs takes longer than to draw."""
     made = StepPatch(top, edges, fill=True, **looks)
     axis.add_artist(made)
     return made
 
 
 def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """Corners (N, 4, 2) of boxes."""
+    """Return corners (N, 4, 2) of boxes."""
     x = np.stack([left, right, right, left], axis=1)
     return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
 
 
 def counted(which: Axis) -> None:
-    """Numbers on this axis are written as everywhere else."""
+    """Write numbers on this axis as everywhere else."""
     which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
 
 
@@ -133,14 +133,16 @@ def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int)
             text.set_parse_math(False)
 
 
-def literal(text: str, most: int = 24) -> str:
-    """A text of the user's on one line; of a long one the ends, of which the last matters more."""
+def literal(text: str, width: int = 24) -> str:
+    """Return a text of the user on one line; of a long one the ends, as the last matters more."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    return text if len(text) <= most else f"{text[: most // 3]}…{text[-(most - most // 3 - 1) :]}"
+    if len(text) <= width:
+        return text
+    return f"{text[: width // 3]}…{text[-(width - width // 3 - 1) :]}"
 
 
 def power(unit: str, order: float) -> str:
-    """The unit of a cost in brackets, with a space in front; nothing without unit."""
+    """Return the unit of a cost in brackets, with a space in front; nothing without unit."""
     raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
     return f" ({literal(unit)}{raised})" if unit else ""
 
@@ -157,15 +159,15 @@ class ShownFigure(Figure):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        usual = matplotlib.rcParamsDefault
+        defaults = matplotlib.rcParamsDefault
         self._settings = {
             name: value
             for name, value in matplotlib.rcParams.items()
-            if name in usual and not name.startswith("backend") and value != usual[name]
+            if name in defaults and not name.startswith("backend") and value != defaults[name]
         }
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """A sharp picture, and the size at which it is shown."""
+        """Return a sharp picture, and the size at which it is shown."""
         target = io.BytesIO()
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
@@ -175,7 +177,7 @@ class ShownFigure(Figure):
         return target.getvalue(), {"width": wide, "height": tall}
 
 
-class ApartLocator(AutoLocator):
+class SpacedLocator(AutoLocator):
     """Ticks across, so few that their labels do not touch, however long and in whatever room."""
 
     def __call__(self) -> list[float]:
@@ -183,14 +185,14 @@ class ApartLocator(AutoLocator):
         axis: Any = self.axis
         ticks = list(super().__call__())
         low, high = sorted(axis.get_view_interval())
-        for most in range(len(ticks), 0, -1):
-            if _apart(axis, [tick for tick in ticks if low <= tick <= high], low, high):
+        for count in range(len(ticks), 0, -1):
+            if _labels_fit(axis, [tick for tick in ticks if low <= tick <= high], low, high):
                 break
-            ticks = list(MaxNLocator(most, steps=NICE).tick_values(low, high))
+            ticks = list(MaxNLocator(count, steps=NICE).tick_values(low, high))
         return ticks
 
 
-def _apart(axis: Any, ticks: list[float], low: float, high: float) -> bool:
+def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
     """Check for gaps between the labels, by the usual widths of their characters."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
@@ -198,13 +200,13 @@ def _apart(axis: Any, ticks: list[float], low: float, high: float) -> bool:
     wide = [sum(0.32 if sign in ",." else 0.64 for sign in text) for text in texts]
     places = [(tick - low) / (high - low) * room for tick in ticks]
     labels = zip(places, wide, strict=True)
-    return all(b - a > (u + v) / 2 + APART_BY for (a, u), (b, v) in pairwise(labels))
+    return all(b - a > (u + v) / 2 + LABEL_SPACING for (a, u), (b, v) in pairwise(labels))
 
 
 NICE = (1, 2, 2.5, 5, 10)
 """First digits of the distances of ticks."""
 
-APART_BY = 0.6
+LABEL_SPACING = 0.6
 """Between labels, in sizes of the letters."""
 
 SHARP = 96

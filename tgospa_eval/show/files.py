@@ -70,12 +70,12 @@ class Kind:
             return True
         if self.log is None or not (folder / self.log).is_file():
             return False
-        # An empty log, alone in its folder, was left by a study that was killed at once.
+        # A study that was killed at once leaves an empty log as the only file.
         return bool((folder / self.log).stat().st_size) or len(list(manifest.visible(folder))) == 1
 
 
 WORK_FOLDER = "work"
-"""Where a result of data in parts is made, in its folder: an interrupted run goes on there."""
+"""Folder in which a result of data in parts is made: an interrupted run goes on there."""
 
 WORK_LOG = f"{WORK_FOLDER}/run.json"
 
@@ -173,7 +173,7 @@ def probe_folder(
     subject: str = "",
     also: Collection[str] = (),
 ) -> None:
-    """`check_folder`, and see that files can be made where `write_texts` will make them.
+    """Run `check_folder`, and check that files can be made where `write_texts` makes them.
 
     `also` are names of files that will be there beside those of all of this kind.
 
@@ -187,7 +187,7 @@ def probe_folder(
     with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         if path.is_symlink():
-            path.stat()  # links that go in a circle are refused here
+            path.stat()  # refuses circular links
         there = next(above for above in (path, *path.parents) if above.exists())
         probe = there / unique()
         probe.mkdir(mode=0o700)
@@ -224,7 +224,7 @@ def write_texts(
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
-        if files is None:  # it is there, perhaps since a moment ago
+        if files is None:  # another process may have made it just now
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [name for name, *_ in files]
@@ -249,7 +249,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
 
 
 def _check_name(folder: str, subject: str) -> None:
-    """A folder that is not there yet and is called like a file is a misunderstanding.
+    """Refuse a new folder that is called like a file, which is a misunderstanding.
 
     Raises
     ------
@@ -349,7 +349,7 @@ def _write_over(
 def result_texts(
     result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
-    """Files of a result folder: texts by name, and files to copy unchanged.
+    """Return files of a result folder: texts by name, and files to copy unchanged.
 
     Parameters
     ----------
@@ -378,8 +378,8 @@ def result_texts(
     for name, table in ((name, result.table(name)) for name in tables):
         if table:
             texts[f"{name}.csv"] = csv_text(table)
-    if result.sliced:
-        texts["slices.csv"] = csv_text(slices_columns(result.sliced))
+    if result.slicings:
+        texts["slices.csv"] = csv_text(slices_columns(result.slicings))
     explained = explanation_of(result)
     if explained is not None:
         texts["explanation.json"] = explained.to_json()
@@ -392,8 +392,8 @@ def check_file(
     subject: str,
     *,
     force: bool,
-    others: Iterable[str] = (),
-    endings: Collection[str] = (),
+    inputs: Iterable[str] = (),
+    suffixes: Collection[str] = (),
 ) -> str:
     """Check that a file may be written there; return its ending.
 
@@ -405,16 +405,16 @@ def check_file(
         What messages begin with; by default the option of the folder.
     force : bool
         Whether it may be there.
-    others : iterable of str
+    inputs : iterable of str
         What is read, or written as well.
-    endings : collection of str
+    suffixes : collection of str
         Those that it may have; any by default.
 
     Raises
     ------
     ConfigError
         A folder or, without `force`, a file of the name is there, or its folder is not; it is one
-        of the `others`, or has another ending.
+        of the `inputs`, or has another ending.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -425,11 +425,11 @@ def check_file(
             )
         if not Path(path).absolute().parent.is_dir():
             raise ConfigError(f"{subject} {path}: there is no such folder; make it first")
-    if any(os.path.realpath(path) == os.path.realpath(other) for other in others):
+    if any(os.path.realpath(path) == os.path.realpath(other) for other in inputs):
         raise ConfigError(f"{subject} {path}: is read or written otherwise; name another file")
     ending = os.path.splitext(path)[1].casefold()
-    if endings and ending not in endings:
-        raise ConfigError(f"{subject} {path}: must end in {', '.join(endings)}")
+    if suffixes and ending not in suffixes:
+        raise ConfigError(f"{subject} {path}: must end in {', '.join(suffixes)}")
     return ending
 
 
@@ -445,7 +445,7 @@ def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, forc
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
-    """The pictures of a result folder; see `pictures`."""
+    """Return the pictures of a result folder; see `pictures`."""
     parts = " in parts" if isinstance(result, PartitionedResult) else ""
     return pictures(f"result{parts}", result, *wanted)
 
@@ -453,7 +453,7 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 def association_files(
     pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
-    """Page, table and, with the extra, picture of an association, by name."""
+    """Return the page, table and, with the extra, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
     files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
@@ -473,7 +473,7 @@ LONGEST_NAME = 200
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
-    """The files of a proof folder, or of one for each class, by path in it.
+    """Return the files of a proof folder, or of one for each class, by path in it.
 
     Parameters
     ----------
@@ -510,7 +510,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Folder, result and origin in the proof, for each class."""
+    """Return the folder, result and origin in the proof, for each class."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -521,7 +521,7 @@ def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[st
 
 
 def folder_name(name: str) -> str:
-    """A name of the user's as that of a folder in a folder; different names stay different."""
+    """Make a name of the user the name of a folder; different names stay different."""
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
@@ -555,7 +555,7 @@ UNASSIGNED = ("missed", "false")
 
 
 def geojson(result: Evaluation) -> str:
-    """Text of all features; the property ``kind`` names the kind of each.
+    """Return the text of all features; the property ``kind`` names the kind of each.
 
     Raises
     ------
@@ -580,7 +580,7 @@ def geojson(result: Evaluation) -> str:
 
 
 def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]]]:
-    """Longitude, latitude and perhaps height of each row of truth and estimate."""
+    """Return longitude, latitude and perhaps height of each row of truth and estimate."""
     compared = result.proof.compared
     states = compared.truth, compared.estimate
     columns = compared.columns
@@ -601,7 +601,7 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
 
 
 def _feature(kind: str, places: list[list[float]], **properties: object) -> Json:
-    """A point, or a line of several places; lines that cross the date line are parted there."""
+    """Return a point, or a line of several places; lines are split at the date line."""
     if len(places) == 1:
         shape: Json = {"type": "Point", "coordinates": places[0]}
     else:
@@ -622,7 +622,7 @@ def _parted(places: list[list[float]]) -> list[list[list[float]]]:
 
 
 def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each trajectory as a line, with its cost."""
+    """Yield each trajectory as a line, with its cost."""
     states, weights = result.proof.states, result.proof.weights
     labels, times = (result.labels.truths, result.labels.estimates), result.labels.times
     for of, (side, names) in enumerate(zip(states.problem.sides, labels, strict=True)):
@@ -645,7 +645,7 @@ def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> It
 
 
 def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each state that is missed, or false."""
+    """Yield each state that is missed, or false."""
     proof = result.proof
     _, entry, weight = assigned(proof.states, proof.weights)
     labels = result.labels.truths, result.labels.estimates
@@ -662,7 +662,7 @@ def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -
 
 
 def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """The error of each assigned pair, a line from the truth to the estimate."""
+    """Yield the error of each assigned pair, a line from the truth to the estimate."""
     problem = result.proof.states.problem
     entry = read_assigned(result.proof.states, result.proof.weights).entry
     table = result.table("assignments")
@@ -677,7 +677,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Each switch, where its truth is, or was last."""
+    """Yield each switch, where its truth is, or was last."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

@@ -63,11 +63,11 @@ PLAIN = 300_000
 """Bytes of arrays that are too few to be deflated."""
 
 DISTANCE = "distance of assigned pairs"
-"""What localisation is, which has no count."""
+"""Explanation of localisation, which has no count."""
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
-    """The whole page.
+    """Return the whole page.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
 
 
 def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
-    """The page of an association, with the same views.
+    """Return the page of an association, with the same views.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Values that every page with views needs."""
+    """Return values that every page with views needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -121,7 +121,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """Values that every page of a result shows."""
+    """Return values that every page of a result shows."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -131,9 +131,9 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "parts": _parts(result),
         "each": {name: result.quantity(value) for name, value in result.normalised.items()},
         "classes": result_text.class_table(result),
-        "others": result_text.other_table(result.with_),
+        "other_metrics": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
-        "about_slices": list(result_text.about_slices(result.sliced, certified=result.certified)),
+        "about_slices": list(result_text.about_slices(result.slicings, certified=result.certified)),
         "summary": rendering.Table(
             head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
         ),
@@ -161,7 +161,7 @@ USED_BY_TEMPLATES = {
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """Template of a page; it escapes all text."""
+    """Return the template of a page; it escapes all text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
@@ -174,24 +174,24 @@ def template(name: str) -> jinja2.Template:
 
 
 def still_page(name: str, more_style: str = "", **values: object) -> str:
-    """A page without a script, from its template; `more_style` goes with the style of all pages."""
+    """Return a page without a script, by its template; `more_style` follows the common style."""
     style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
     return as_unicode(template(name).render(style=style, **values))
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws any."""
+    """Return pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws."""
     made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
     return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
 
 def inlined(name: str) -> str:
-    """The text of a file beside the templates, as it stands."""
+    """Return the text of a file beside the templates, as it stands."""
     return Path(__file__).with_name("page").joinpath(name).read_text(encoding="utf-8")
 
 
 def packed(arrays: dict[str, Ints]) -> str:
-    """The arrays one after the other as base64 text.
+    """Encode the arrays one after the other as base64 text.
 
     Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
     what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
@@ -205,14 +205,14 @@ def packed(arrays: dict[str, Ints]) -> str:
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     data = b"".join(planes)
     if len(data) > PLAIN:
-        # Only runs are looked for: a third of the time for the same size, as the rest is noise.
+        # Only runs are compressed, as the rest is noise: the same size in a third of the time.
         packer = zlib.compressobj(strategy=zlib.Z_RLE)
         data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
 
 
 def page_colours() -> str:
-    """Colours of all pictures as a style; paper is white."""
+    """Return colours of all pictures as a style; paper is white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -235,7 +235,7 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
 
 
 def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> dict[str, str]:
-    """A record as lines of text, nested names joined by a slash."""
+    """Return a record as lines of text, nested names joined by a slash."""
     lines: dict[str, str] = {}
     for name, value in record.items():
         if isinstance(value, dict):
@@ -257,20 +257,20 @@ def card(result: Evaluation) -> str:
         *result.messages,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
-        *filter(None, [result.not_judged]),
+        *filter(None, [result.exclusions]),
     ]
     return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
 def document_page(document: rendering.Document, kind: str, subject: Any, *, draws: bool) -> str:
-    """A report with its pictures as a page, if it draws any; they are of a kind in `CHARTS`."""
+    """Return a report as a page, with pictures of a kind in `CHARTS` if it draws any."""
     shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
     return still_page("document.html.j2", document=document, version=__version__, images=named)
 
 
 # -------------------------------------------------------------------------------------------------
-# The page of a batch: who is best and how sure that is, job by job, part by part, over time.
+# The page of a batch: ranking and certainty, jobs, parts, values over time.
 #
 # Words and numbers from a template, without a script; the page loads nothing. Everything that comes
 # from the user passes through the autoescape of the template.
@@ -278,22 +278,22 @@ def document_page(document: rendering.Document, kind: str, subject: Any, *, draw
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of parameters."""
 
-MOST_GROUPS = 40
-MOST_FAULTS = 50
+MAX_GROUPS = 40
+MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Most that are compared each with each; of more every one is with the next."""
+"""Estimates that are compared each with each, at most; of more every one is with the next."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
-    """The whole page, with curves if it draws any."""
+    """Return the whole page, with curves if it draws any."""
     rows, ranked = tables.rows, tables.rankings
-    # Of several sets of parameters none is that of the batch.
+    # With several sets of parameters the batch has none of its own.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
-    runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
+    runs = sorted({count for _, curve in tables.plotted_curves for count in curve.runs})
     return still_page(
         "batch.html.j2",
         _shades(),
@@ -307,27 +307,27 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
         unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
         rankings=[_ranking(tables, one) for one in ranked],
         parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
-        groups=tables.shown_groups[:MOST_GROUPS],
+        groups=tables.shown_groups[:MAX_GROUPS],
         common=any(one.jobs < one.all_jobs for one in ranked),
-        others=list(batch.other_tables(tables)),
-        about_others=list(batch.about_others(tables)),
+        other_metrics=list(batch.other_tables(tables)),
+        about_other_metrics=list(batch.about_other_metrics(tables)),
         slices=list(batch.slice_tables(tables)),
         about_slices=list(batch.about_slices_of(tables)),
         images=list(images("page of a batch", tables, draws=draws).values()),
-        curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
-        least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+        curves_shown=len({curve.name for _, curve in tables.plotted_curves}),
+        fewest_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
         runs=counted(max(runs, default=0), "run"),
         bands=[batch.BANDS[curve.band] for curve in tables.curves[:1]],
         curve_groups=len({curve.name for curve in tables.curves}),
         costliest=list(_costliest(tables, valued)),
-        faults=_rows(failed.head(MOST_FAULTS)),
+        faults=_rows(failed.head(MAX_FAULTS)),
         per_step=_per_step,
         settings=_settings(tables),
     )
 
 
 def _shades() -> str:
-    """Shades of the heat table, on paper and on a dark screen, and the styles of groups."""
+    """Return shades of the heat table, on paper and on a dark screen, and the styles of groups."""
     light, dark = (
         " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
         for colours in (LIGHT, DARK)
@@ -344,7 +344,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """Names of the estimates and of the ground truth, as they were given."""
+    """Return names of the estimates and of the ground truth, as they were given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -353,7 +353,7 @@ def _source(tables: batch.BatchTables) -> tuple[str, str]:
 
 
 def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
-    """The answer."""
+    """Return the headline."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
@@ -365,7 +365,7 @@ def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
 
 
 def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
-    """A ranking in words, with the places of brackets and intervals on a common scale."""
+    """Return a ranking in words, with brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
         name, per_step = entry["name"], batch.bracket(entry, "per_step")
@@ -401,13 +401,13 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
 
 
 def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str]:
-    """Left end and width in percent."""
+    """Return the left end and width in percent."""
     left, right = place(interval.lower), place(interval.upper)
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """All pairs of few entries, else the pairs of neighbours."""
+    """Yield all pairs of few entries, else the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
@@ -418,7 +418,7 @@ def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
 def _costliest(
     tables: batch.BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
-    """The jobs with the largest cost per step, of each set of parameters by themselves."""
+    """Yield the jobs with the largest cost per step, of each set of parameters."""
     if len(valued) < 2:
         return
     each = valued["total"] / valued["judged.steps"].clip(lower=1)
@@ -438,7 +438,7 @@ def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
 
 
 def _per_step(row: "pd.Series[Any]") -> Interval:
-    """The bracket of the value per step of a job."""
+    """Return the bracket of the value per step of a job."""
     steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
     return Interval(
         lower=(float(row["total_lower"]) / steps) ** power,
@@ -447,7 +447,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """Inputs and settings of the evaluation, a line each."""
+    """Return inputs and settings of the evaluation, a line each."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:

@@ -28,7 +28,7 @@ GRIDS = {
 
 def methods(result: Evaluation) -> str:
     """Return the paragraph."""
-    left_out = [result.not_judged.capitalize()] if result.not_judged else []
+    left_out = [result.exclusions.capitalize()] if result.exclusions else []
     parts = _metric(result), _data(result), *left_out, _value(result), _origin(result)
     return visible(f"{'. '.join(parts)}.") + "\n"
 
@@ -53,11 +53,11 @@ def _metric(result: Evaluation) -> str:
 
 
 def _data(result: Evaluation) -> str:
-    judged, sizes, settings = result.judged, result.sizes, result.parameters
+    evaluated_on, sizes, settings = result.judged, result.sizes, result.parameters
     chosen = "steps" in settings or "resample" in settings
     grid = "of a clock that was chosen" if chosen else GRIDS[str(settings.get("grid", "union"))]
     states = counted(result.evaluated_on.truth_states, "state")
-    ends = f", t = {judged['first']} to {judged['last']}" if sizes["steps"] else ""
+    ends = f", t = {evaluated_on['first']} to {evaluated_on['last']}" if sizes["steps"] else ""
     return (
         f"It was evaluated over the {counted(sizes['steps'], 'step')} {grid}{ends}, with "
         f"{counted(sizes['truth'], 'object')} ({states}) "

@@ -26,7 +26,7 @@ from tgospa_eval.show.figure_tools import (
     stairs,
     titled,
 )
-from tgospa_eval.show.plot_data import FREE, KINDS, NONE, DrawnSide, PlotData, binned
+from tgospa_eval.show.plot_data import FREE, KINDS, NONE, PlotData, SideData, binned
 from tgospa_eval.show.style import (
     FALSE,
     FILLS,
@@ -34,9 +34,9 @@ from tgospa_eval.show.style import (
     LIGHT,
     LINES,
     MISSED,
-    NOT_JUDGED,
     SOFT,
     TRACK_COLOURS,
+    UNJUDGED,
     Style,
     line_looks,
 )
@@ -48,26 +48,26 @@ MARGIN = 0.8
 """Inches beside the axes, about."""
 
 
-def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Stacked bars of each step, or of the costliest of several."""
+def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
+    """Draw stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
-    costs = {name: np.asarray(seen.document["costs"][name], float) for name in parts}
+    costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
     names = dict(zip(parts, parts, strict=True))
-    if SPREAD in seen.document["costs"] and "localisation" in costs:
-        spread = np.asarray(seen.document["costs"][SPREAD], float)
+    if SPREAD in data.document["costs"] and "localisation" in costs:
+        spread = np.asarray(data.document["costs"][SPREAD], float)
         means = {"localisation": costs["localisation"] - spread, SPREAD: spread}
         costs = means | {name: cost for name, cost in costs.items() if name != "localisation"}
         names |= {"localisation": "means", SPREAD: "spreads"}
-    stretch = seen.document["together"]
-    most = style.bars if stretch == 1 else seen.steps
-    first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
-    begin, end = seen.time.edges
-    begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
+    stretch = data.document["together"]
+    max_bars = style.bars if stretch == 1 else data.steps
+    first, costliest = binned(sum(costs.values(), np.zeros(data.steps)), max_bars)
+    begin, end = data.time.edges
+    begin, end = begin[first], end[np.append(first[1:], data.steps) - 1] if data.steps else end
     base = np.zeros(len(first))
     handles = []
-    # outlines leave something to see of bars that are narrow
+    # outlines keep narrow bars visible
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
-    for name, cost in costs.items() if seen.steps else ():
+    for name, cost in costs.items() if data.steps else ():
         # A bar of no cost has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
@@ -75,40 +75,40 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         handles.append(stairs(axis, top, places, baseline=foot, **looks))
         base = base + cost[costliest]
     axis.set_ylim(0, float(base.max(initial=0.0)) * 1.03 or 1.0)
-    time_axis(axis, seen, style)
+    time_axis(axis, data, style)
     together = first[1] - first[0] if len(first) > 1 else 1
     if together > 1:
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together:,} steps")
     if stretch > 1:
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the mean of {stretch:,} steps")
-    cost_unit = power(seen.document["unit"], seen.document["order"])
+    cost_unit = power(data.document["unit"], data.document["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
-    titled(axis, style, "Cost of each step", seen.about)
+    titled(axis, style, "Cost of each step", data.about)
     legend(made, handles, [str(bars.get_label()) for bars in handles], 5)
     return made
 
 
-def draw_nees(seen: PlotData, style: Style) -> Figure | None:
-    """NEES of each step with its band; below it of particles the ranks of the truth."""
-    nees = seen.document.get("nees")
+def draw_nees(data: PlotData, style: Style) -> Figure | None:
+    """Draw NEES of each step with its band; below it of particles the ranks of the truth."""
+    nees = data.document.get("nees")
     if nees is None:
         return None
     ranks = np.array(nees["ranks"], float)
     made, axes = figure(style.width, style.low * (1 + bool(len(ranks))), rows=1 + bool(len(ranks)))
     axis = axes[0][0]
     value, low, high = (np.array(line, float) for line in nees["lines"].values())
-    at, ideal = seen.time.at, nees["ideal"]
+    at, ideal = data.time.at, nees["ideal"]
     handles = [
         axis.fill_between(at, low, high, step="mid", color=LIGHT["grid"], linewidth=0),
         axis.axhline(ideal, color=SOFT, linestyle="--"),
         *axis.plot(at, value, color=LIGHT["localisation"], marker=".", markersize=3),
     ]
-    most = np.nan_to_num(np.concatenate((value, high)), nan=ideal).max(initial=ideal)
-    axis.set_ylim(0, 1.05 * float(most))
-    time_axis(axis, seen, style)
+    highest = np.nan_to_num(np.concatenate((value, high)), nan=ideal).max(initial=ideal)
+    axis.set_ylim(0, 1.05 * float(highest))
+    time_axis(axis, data, style)
     axis.set_ylabel("NEES", parse_math=False)
-    which = "each step" if seen.document["together"] == 1 else "some steps"
-    titled(axis, style, f"NEES of assigned states, mean of {which}", seen.about)
+    which = "each step" if data.document["together"] == 1 else "some steps"
+    titled(axis, style, f"NEES of assigned states, mean of {which}", data.about)
     legend(made, handles, ["95 % band of a calibrated filter", f"expected: {ideal}", "NEES"], 3)
     if len(ranks):
         below = axes[1][0]
@@ -126,33 +126,33 @@ def draw_nees(seen: PlotData, style: Style) -> Figure | None:
     return made
 
 
-def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """The root of the mean cost of the steps up to each."""
-    values = {name: seen.document["curve"][name] for name in (*parts, "total")}
-    made, axis = _draw_lines(seen, style, seen.time.at, values, "per step, so far")
-    titled(axis, style, "Normalised cumulative cost", seen.about)
+def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
+    """Draw the root of the mean cost of the steps up to each."""
+    values = {name: data.document["curve"][name] for name in (*parts, "total")}
+    made, axis = _draw_lines(data, style, data.time.at, values, "per step, so far")
+    titled(axis, style, "Normalised cumulative cost", data.about)
     return made
 
 
-def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
-    """The root of the mean cost of each window."""
-    windows = seen.document.get("windows")
+def draw_windows(data: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
+    """Draw the root of the mean cost of each window."""
+    windows = data.document.get("windows")
     if windows is None:
         return None
-    first, last = (seen.time.at[np.asarray(windows[name], int)] for name in ("first", "last"))
+    first, last = (data.time.at[np.asarray(windows[name], int)] for name in ("first", "last"))
     values = {name: windows["lines"][name] for name in (*parts, "total")}
-    made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
-    titled(axis, style, f"Windows of {windows['size']}, each at its middle", seen.about)
+    made, axis = _draw_lines(data, style, (first + last) / 2, values, "per step of the window")
+    titled(axis, style, f"Windows of {windows['size']}, each at its middle", data.about)
     return made
 
 
 def _draw_lines(
-    seen: PlotData, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
+    data: PlotData, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
 ) -> tuple[Figure, Axes]:
-    """A line for each part and for the total."""
+    """Draw a line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
-    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # one point is no line
-    width = axis.spines["left"].get_linewidth() * 1.3  # of the style
+    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # a single point needs a mark
+    width = axis.spines["left"].get_linewidth() * 1.3  # the width of the style
     handles = []
     for part, line in values.items():
         looks = {**LINES[part], **dot, "zorder": 2 + (part != "total") / 10, "clip_on": False}
@@ -160,26 +160,26 @@ def _draw_lines(
         handles += axis.plot(at, line, **looks)
     top = max(max(line, default=0.0) for line in values.values())
     axis.set_ylim(0, top * 1.05 or 1.0)
-    time_axis(axis, seen, style)
-    unit = f" ({literal(seen.document['unit'])})" if seen.document["unit"] else ""
+    time_axis(axis, data, style)
+    unit = f" ({literal(data.document['unit'])})" if data.document["unit"] else ""
     axis.set_ylabel(f"{name}{unit}", parse_math=False)
     legend(made, handles, list(values), 5)
     return made, axis
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Edges and values of consecutive bars, with gaps between those that do not touch."""
+    """Return edges and values of consecutive bars, with gaps between those that do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
-def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False) -> None:
+def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False) -> None:
     """Set the axis from the first step to the last, with times as labels."""
-    begin, end = seen.time.edges
-    ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
-    name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
-    if not seen.steps:
+    begin, end = data.time.edges
+    ends = (float(begin[0]), float(end[-1])) if data.steps else (-0.5, 0.5)
+    name_times(axis, data.time, ends, style.width / (2 if upright else 1), upright=upright)
+    if not data.steps:
         axis.annotate("no steps", (0.5, 0.5), xycoords="axes fraction", ha="center")
 
 
@@ -203,15 +203,15 @@ THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
 
 
-def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Bars of the costliest steps, truths and estimates."""
-    shared = seen.time.shared
+def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
+    """Draw bars of the costliest steps, truths and estimates."""
+    shared = data.time.shared
     lists = {
         "steps": _costliest(
-            seen.document["costs"], [t[len(shared) :] for t in seen.time.labels], style.worst, parts
+            data.document["costs"], [t[len(shared) :] for t in data.time.labels], style.worst, parts
         ),
-        "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
-        "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
+        "truths": _costliest(_costs(data.truth), data.truth.ids, style.worst, parts),
+        "estimates": _costliest(_costs(data.estimate), data.estimate.ids, style.worst, parts),
     }
     beside = style.wide  # a column of a journal has no room for three
     if beside:
@@ -225,17 +225,17 @@ def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         bars(axis, names, costs, style.worst if beside else 4, room=1.22 if beside else 1.1)
         label = f"{title} {literal(shared)}…" if shared and title == "steps" else title
         axis.set_ylabel(label, fontweight="bold", parse_math=False)
-    unit = power(seen.document["unit"], seen.document["order"])
+    unit = power(data.document["unit"], data.document["order"])
     axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
     if style.titles:
         titled(axes[0], style, "Worst")
-        titled(axes[-1], style, "", seen.about)
+        titled(axes[-1], style, "", data.about)
     legend(made, [Patch(**FILLS[name]) for name in parts], list(parts), 4)
     return made
 
 
-def _costs(side: DrawnSide) -> dict[str, list[float]]:
-    """Costs of tracks by the names of the parts."""
+def _costs(side: SideData) -> dict[str, list[float]]:
+    """Return costs of tracks by the names of the parts."""
     table = side.table
     return {
         "localisation": table["localisation"],
@@ -247,7 +247,7 @@ def _costs(side: DrawnSide) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Names and costs of the costliest, without those of no cost."""
+    """Return names and costs of the costliest, without those of no cost."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -262,13 +262,13 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Stacked bars from above, with the sum at the end of each; room for so many rows and words."""
+    """Draw stacked bars from above, with sums at their ends; room for so many rows and words."""
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # One artist for all: of each bar the hatches are made anew.
+            # One artist for all bars: separate ones would make their hatches anew.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -292,8 +292,8 @@ def bars(
 VECTOR_SHAPES = 4000
 """Shapes of a kind that are drawn as such in vector files; more become dots."""
 
-MOST_NAMES = 400
-"""Most names inside the lanes."""
+MAX_NAMES = 400
+"""Names inside the lanes, at most."""
 
 HALF = 0.4
 """Half the height of a bar; lanes are 1 apart."""
@@ -312,7 +312,7 @@ class Lanes:
         The tracks.
     tracks : (L,) int array
         Those with a lane of their own, from above.
-    others : (K,) int array
+    hidden : (K,) int array
         Those that share the last lane.
     first : int
         Place of the first lane; the words stand above it.
@@ -320,83 +320,83 @@ class Lanes:
         How many of the others have no miss and no switch.
     """
 
-    side: DrawnSide
+    side: SideData
     tracks: Ints
-    others: Ints
+    hidden: Ints
     first: int
     quiet: int = 0
 
     @property
     def end(self) -> int:
         """Place below the last lane."""
-        return self.first + len(self.tracks) + bool(len(self.others))
+        return self.first + len(self.tracks) + bool(len(self.hidden))
 
     @property
     def title(self) -> str:
         """The words above."""
-        count = len(self.tracks) + len(self.others)
+        count = len(self.tracks) + len(self.hidden)
         word = self.side.name + ("" if count == 1 else "s")
         quiet = f", {self.quiet:,} of them without miss or switch" if self.quiet else ""
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Positions of the lanes; NaN for tracks without a lane of their own."""
+        """Return positions of the lanes; NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
 
 
-def draw_lanes(seen: PlotData, style: Style) -> Figure:
-    """A lane for each truth, and lanes of false tracks below."""
-    truths = arranged(seen.truth, np.arange(len(seen.truth.ids)), style.lanes, 1)
-    wrong = np.flatnonzero(np.asarray(seen.estimate.table["unassigned_count"], float) > 0)
-    estimates = arranged(seen.estimate, wrong, style.lanes // 2, truths.end + 1)
+def draw_lanes(data: PlotData, style: Style) -> Figure:
+    """Draw a lane for each truth, and lanes of false tracks below."""
+    truths = arranged(data.truth, np.arange(len(data.truth.ids)), style.lanes, 1)
+    wrong = np.flatnonzero(np.asarray(data.estimate.table["unassigned_count"], float) > 0)
+    estimates = arranged(data.estimate, wrong, style.lanes // 2, truths.end + 1)
     count = max(estimates.end, 3)
     tall = (0.2 if count < 50 else 0.15) * (1.0 if style.titles else 0.62)
     made, ((axis,),) = figure(style.width, 0.85 * (style.low / 2.9) ** 0.5 + tall * count)
     axis.grid(visible=False, axis="y")
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
-    columns = min(max(seen.steps, 1), style.bars)
-    # the least that is seen
+    columns = min(max(data.steps, 1), style.bars)
+    # the smallest visible width
     pixel = (
-        (seen.time.edges[1][-1] - seen.time.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
+        (data.time.edges[1][-1] - data.time.edges[0][0] if data.steps else 1) / _room(style) * 0.8
     )
-    if seen.steps > columns:
-        _shares(axis, truths, seen, columns, MISSED)
-        _shares(axis, estimates, seen, columns, FALSE)
-    handles = _bars(axis, truths, seen, style, pixel=pixel, whole=seen.steps <= columns)
-    handles |= _bars(axis, estimates, seen, style, pixel=pixel, whole=seen.steps <= columns)
-    _errors(axis, truths, seen, columns)
+    if data.steps > columns:
+        _shares(axis, truths, data, columns, MISSED)
+        _shares(axis, estimates, data, columns, FALSE)
+    handles = _bars(axis, truths, data, style, pixel=pixel, whole=data.steps <= columns)
+    handles |= _bars(axis, estimates, data, style, pixel=pixel, whole=data.steps <= columns)
+    _errors(axis, truths, data, columns)
     for lanes in (truths, estimates):
-        _others(axis, lanes, seen, columns)
-        _names(axis, lanes, seen, letters, _room(style))
+        _draw_hidden(axis, lanes, data, columns)
+        _names(axis, lanes, data, letters, _room(style))
         if lanes.side.name == "truth" or len(lanes.tracks):
             words: Any = {"fontsize": letters, "fontweight": "bold", "color": SOFT, "va": "center"}
             at, of = (0.004, lanes.first - 0.95), ("axes fraction", "data")
             axis.annotate(lanes.title, at, xycoords=of, **words)
-    handles |= _switches(axis, truths, seen, style, columns)
+    handles |= _switches(axis, truths, data, style, columns)
     _ids(axis, (truths, estimates), letters)
-    time_axis(axis, seen, style)
-    titled(axis, style, "Who followed whom", seen.about)
+    time_axis(axis, data, style)
+    titled(axis, style, "Who followed whom", data.about)
     legend(made, list(handles.values()), list(handles), 4 if style.wide else 2)
     return made
 
 
-def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
-    """Lanes in the order of the files; of many those with events, of too many the costliest."""
-    if len(tracks) <= min(most, MANY):
-        return Lanes(side=side, tracks=tracks, others=tracks[:0], first=first)
+def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
+    """Return lanes in the order of the files; of many those with events or the costliest."""
+    if len(tracks) <= min(max_lanes, MANY):
+        return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
     table = side.table
     events: Floats = np.add(table["unassigned_count"], table["switch"], dtype=float)[tracks]
     cost = np.asarray(table["total"], float)[tracks]
     order = np.lexsort((-cost, events == 0))
     eventful = int(np.count_nonzero(events))
     shown = eventful if len(tracks) > MANY and eventful else len(tracks)
-    shown = shown if len(tracks) == shown <= most else min(shown, most - 1)
-    own, others = np.sort(tracks[order[:shown]]), np.sort(tracks[order[shown:]])
+    shown = shown if len(tracks) == shown <= max_lanes else min(shown, max_lanes - 1)
+    own, hidden = np.sort(tracks[order[:shown]]), np.sort(tracks[order[shown:]])
     quiet = len(tracks) - max(eventful, shown)
-    return Lanes(side=side, tracks=own, others=others, first=first, quiet=quiet)
+    return Lanes(side=side, tracks=own, hidden=hidden, first=first, quiet=quiet)
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
@@ -404,13 +404,13 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
     polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
-    made.set_in_layout(False)  # it lies inside the axes, and to find that out takes long
+    made.set_in_layout(False)  # inside the axes: finding that out takes long
     axis.add_collection(made, autolim=False)
     return made
 
 
 def _bars(
-    axis: Axes, lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
+    axis: Axes, lanes: Lanes, data: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
     """Draw assigned stretches as bars and others as frames; return the legend's entries.
 
@@ -419,7 +419,7 @@ def _bars(
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
-    begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
+    begin, end = data.time.edges[0][run["begin"]], data.time.edges[1][run["end"]]
     paired = ~np.isnan(place) & (run["other"] >= 0)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
@@ -444,32 +444,32 @@ def _bars(
         handles[f"share of steps {kind}"] = Patch(facecolor=MISSED if truth else FALSE)
     free = np.isfinite(place_of) & run.get("unjudged", run["other"] == FREE).astype(bool)
     if free.any():
-        edges = seen.time.edges[0][run["begin"][free]], seen.time.edges[1][run["end"][free]]
+        edges = data.time.edges[0][run["begin"][free]], data.time.edges[1][run["end"][free]]
         corners = boxes(*edges, place_of[free] - half, place_of[free] + half)
         name = f"{lanes.side.name}/not judged"
-        handles["not judged"] = _put(axis, corners, name, linewidths=0, zorder=2.3, **NOT_JUDGED)
+        handles["not judged"] = _put(axis, corners, name, linewidths=0, zorder=2.3, **UNJUDGED)
     return handles
 
 
 def _room(style: Style) -> float:
-    """Points across the lanes, about."""
+    """Return points across the lanes, about."""
     return (style.width - MARGIN) * 72
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Column in which each step is drawn."""
+    """Return the column in which each step is drawn."""
     return step * columns // max(steps, 1)
 
 
-def _column_edges(seen: PlotData, columns: int) -> tuple[Floats, Floats]:
+def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
     """Begin and end of each column."""
-    first = -(-np.arange(columns + 1) * seen.steps // columns)
-    begin, end = seen.time.edges
+    first = -(-np.arange(columns + 1) * data.steps // columns)
+    begin, end = data.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Lane and step of all that is unassigned, of lanes that are a number."""
+    """Return the lane and step of all that is unassigned, of lanes that are a number."""
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
     length = run["end"][kept] - run["begin"][kept] + 1
@@ -477,59 +477,59 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
     return np.repeat(chosen[kept], length).astype(np.int64), first + np.arange(length.sum())
 
 
-def _shares(axis: Axes, lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
+def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
     """Draw the share of wrong steps of each column, from the top of its lane down."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
-    cells = lane * columns + _columns(step, columns, seen.steps)
+    cells = lane * columns + _columns(step, columns, data.steps)
     cell, count = np.unique(cells, return_counts=True)
-    wide = seen.steps / columns
+    wide = data.steps / columns
     tall = np.clip(count / wide, 0.2, 1.0) * 2 * HALF
-    begin, end = _column_edges(seen, columns)
+    begin, end = _column_edges(data, columns)
     left, right, top = begin[cell % columns], end[cell % columns], cell // columns - HALF
     looks = {"facecolors": colour, "edgecolors": colour, "linewidths": 0.1, "zorder": 2.2}
     _put(axis, boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
 
 
-def _errors(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
-    """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
+def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
+    """Draw errors as shares of the cutoff: darker feet of bars, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
     if not len(kept):
         return
-    column = _columns(row["step"][kept], columns, seen.steps)
+    column = _columns(row["step"][kept], columns, data.steps)
     cell, back = np.unique(place[kept].astype(np.int64) * columns + column, return_inverse=True)
     tall = np.zeros(len(cell))
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
-    begin, end = _column_edges(seen, columns)
+    begin, end = _column_edges(data, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
     # One outline for each cell; a cell is a fraction of a bar.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
-def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
-    """The last lane: how many of the tracks without a lane of their own are wrong, as a height."""
-    if not len(lanes.others):
+def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
+    """Draw the last lane: how many tracks without a lane of their own are wrong, as a height."""
+    if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
-    chosen[lanes.others] = 0
+    chosen[lanes.hidden] = 0
     _, step = _unassigned(lanes, chosen[lanes.side.run["track"]])
-    count = np.bincount(_columns(step, columns, seen.steps), minlength=columns).astype(float)
-    most = count.max(initial=0.0) or 1.0
-    begin, end = _column_edges(seen, columns)
+    count = np.bincount(_columns(step, columns, data.steps), minlength=columns).astype(float)
+    highest = count.max(initial=0.0) or 1.0
+    begin, end = _column_edges(data, columns)
     low = lanes.end - 1 + HALF
     # Even the smallest error stays visible.
-    height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
+    height = np.where(count > 0, np.maximum(count / highest, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
     looks = {"facecolor": colour, "linewidth": 0, "label": f"{name}/others"}
     stairs(axis, top, places, baseline=low, **looks)
 
 
-def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
+def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
     """Select one switch for each column of a lane: the largest, of equal ones the first."""
     if steps <= columns:
         return np.arange(len(place))
@@ -539,10 +539,10 @@ def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps
 
 
 def _switches(
-    axis: Axes, truths: Lanes, seen: PlotData, style: Style, columns: int
+    axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Triangles at the top of the lanes; small ones for parts of a switch."""
-    switches = seen.switches
+    """Draw triangles at the top of the lanes; small ones for parts of a switch."""
+    switches = data.switches
     if not len(switches["step"]):
         return {}
     place = truths.place(switches["truth"])
@@ -551,28 +551,28 @@ def _switches(
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
     looks: dict[str, Any] = {"marker": "v", "color": INK, "edgecolors": "white", "zorder": 4}
     looks |= {"linewidths": 0 if many else 0.3, "clip_on": False}
-    kept = _seen_switches(place, switches, columns, seen.steps)
+    kept = _shown_switches(place, switches, columns, data.steps)
     place, sizes = place[kept], np.where(switches["mass"][kept] >= 0.99, size, size / 2)
-    x = seen.time.edges[0][switches["step"][kept]]
+    x = data.time.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
-def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
+def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:
     """Write ids of the other side into stretches with room for them, the longest first."""
-    if letters < 4 or not seen.steps:
+    if letters < 4 or not data.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"
-    other = seen.estimate if truth else seen.truth
+    other = data.estimate if truth else data.truth
     place = lanes.place(run["track"])
-    (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
+    (begin, end), point = data.time.edges, (data.time.edges[1][-1] - data.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
     assigned = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
     looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
     looks["backgroundcolor"] = "none" if truth else "white"
-    for k in assigned[np.argsort(-wide[assigned], kind="stable")][:MOST_NAMES]:
+    for k in assigned[np.argsort(-wide[assigned], kind="stable")][:MAX_NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue
@@ -584,13 +584,13 @@ def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float
 
 
 def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
-    """Names of the lanes."""
+    """Write the names of the lanes."""
     places: list[float] = []
     names: list[str] = []
     for lanes in groups:
         places += list(range(lanes.first, lanes.end))
         names += [literal(lanes.side.ids[track], 14) for track in lanes.tracks]
-        word = "quiet" if lanes.quiet == len(lanes.others) else "others"
-        names += [f"{len(lanes.others):,} {word}"] if len(lanes.others) else []
+        word = "quiet" if lanes.quiet == len(lanes.hidden) else "others"
+        names += [f"{len(lanes.hidden):,} {word}"] if len(lanes.hidden) else []
     axis.set_yticks(places, names, fontsize=letters, parse_math=False)
     axis.tick_params(axis="y", length=0)

@@ -20,8 +20,8 @@ from tgospa_eval.show.overtime import time_axis
 from tgospa_eval.show.plot_data import (
     NONE,
     TIME,
-    DrawnSide,
     PlotData,
+    SideData,
     deviations,
     is_box,
     is_map,
@@ -37,9 +37,9 @@ FEW = 30
 """Trajectories up to which shapes do not hide one another."""
 
 CORNERS = 48
-"""Of an ellipse."""
+"""Corners of an ellipse."""
 
-APART = 2.0
+SPACING = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
 STEPS = 2
@@ -49,7 +49,7 @@ INTERVALS = 24
 """Intervals along a trajectory over the time."""
 
 WINDOW = 3.0
-"""How far they are from the middle at most, in sizes of a usual ellipse."""
+"""Distance from the middle, at most, in sizes of a typical ellipse."""
 
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
@@ -66,7 +66,7 @@ SPECK = 2.0
 class Plane:
     """Data of the plane, its two columns and its style."""
 
-    seen: PlotData
+    data: PlotData
     across: str
     up: str
     style: Style
@@ -79,15 +79,15 @@ class Plane:
     @cached_property
     def places(self) -> dict[str, Floats]:
         """The states of each side that has any, (2, R)."""
-        return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
+        return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.data.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
+        """Return the reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
         `packed` are lower triangles of C. Over the time it is the interval of the other column.
         """
-        spans, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
-        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
+        spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
+        odd = {self.across, self.up} - {*columns, TIME}  # the axes of centres of boxes
         if odd or self.across == self.up or not packed.shape[1]:
             return spans
         index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
@@ -104,38 +104,38 @@ class Plane:
 
         Boxes are known of their edges and centres.
         """
-        seen = self.seen
-        if not seen.document["boxes"]:
-            radius = seen.document["spread"].get("radius", (0.0, 0.0))[not self.timed]
-            return {side.name: self.spanned(side.row["spread"], radius) for side in seen.sides}
+        data = self.data
+        if not data.document["boxes"]:
+            radius = data.document["spread"].get("radius", (0.0, 0.0))[not self.timed]
+            return {side.name: self.spanned(side.row["spread"], radius) for side in data.sides}
         known = (self.across, self.up) in (("left", "top"), ("centre x", "centre y"))
         halves = {
-            n: (a["width"] * known / 2, a["height"] * known / 2) for n, a in seen.axes.items()
+            n: (a["width"] * known / 2, a["height"] * known / 2) for n, a in data.axes.items()
         }
         return {name: np.stack([*both, np.zeros(len(both[0]))]) for name, both in halves.items()}
 
     @cached_property
     def gates(self) -> Floats | None:
         """Reach of the gates around the first side of an association."""
-        gate = self.seen.truth.row.get("gate")
+        gate = self.data.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
-    def around(self, side: DrawnSide, among: Ints | None = None) -> Ints:
-        """Rows of these, by default of all, around which there is something."""
+    def around(self, side: SideData, among: Ints | None = None) -> Ints:
+        """Return rows of these, by default of all, around which there is something."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
-    def outlines(self, side: DrawnSide, row: Ints) -> Floats:
-        """Outlines (K, corners, 2) around some states."""
+    def outlines(self, side: SideData, row: Ints) -> Floats:
+        """Return outlines (K, corners, 2) around some states."""
         sizes = self.extents[side.name][:, row]
-        if not self.seen.document["boxes"]:
+        if not self.data.document["boxes"]:
             return ellipses(self.places[side.name][:, row], sizes)
-        left, top = (self.seen.axes[side.name][edge][row] for edge in ("left", "top"))
+        left, top = (self.data.axes[side.name][edge][row] for edge in ("left", "top"))
         return corners(left, left + 2 * sizes[0], top, top + 2 * sizes[1])
 
 
 def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
-    """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
+    """Return outlines (K, corners, 2): z' C^-1 z = 1 around (2, K), C = [s^2, q; q, t^2].
 
     `sizes` are s, t and q, (3, K).
     With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
@@ -158,9 +158,9 @@ def surroundings(
     counts: list[str] = []
     large = plane.style.titles
     what = "interval" if plane.timed else "ellipse"
-    kind, name = ("boxes", "box") if plane.seen.document["boxes"] else (f"{what}s", f"95 % {what}")
-    for side in plane.seen.sides:
-        row, word, truth = rows[side.name], plane.seen.word(side.name), side.name == "truth"
+    kind, name = ("boxes", "box") if plane.data.document["boxes"] else (f"{what}s", f"95 % {what}")
+    for side in plane.data.sides:
+        row, word, truth = rows[side.name], plane.data.word(side.name), side.name == "truth"
         if not len(row):
             continue
         colours = np.array(TRACK_COLOURS)[side.row["track"] % len(TRACK_COLOURS)]
@@ -176,14 +176,16 @@ def surroundings(
         if not len(at):
             continue
         own = particles["row"][at]
-        place = plane.seen.places(particles["state"][at], side.row["step"][own])
-        usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
-        area = speck * np.clip(particles["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
+        place = plane.data.places(particles["state"][at], side.row["step"][own])
+        count = np.bincount(own, minlength=len(colours))[
+            own
+        ]  # particles of a cloud have 1 / count on average
+        area = speck * np.clip(particles["weight"][at] * count, 0.05, 20) * (1 if large else 0.4)
         looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
         looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
         dots = axis.scatter(place[plane.across], place[plane.up], area, **looks)
         handles[f"particles, {word}"] = dots
-        total = plane.seen.document["particles"][side.name][1]
+        total = plane.data.document["particles"][side.name][1]
         counts[-1] += f", {len(at):,} of {total:,} particles, area by weight"
     if counts:
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
@@ -194,12 +196,12 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """States here and there along few trajectories around which there is something."""
+    """Return states here and there along few trajectories around which there is something."""
     chosen: dict[str, Ints] = {}
-    for side in plane.seen.sides:
-        row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
+    for side in plane.data.sides:
+        row = plane.around(side) if sum(len(s.ids) for s in plane.data.sides) <= FEW else NO_ROWS
         middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
-        far = APART * plane.extents[side.name][:2, row].max(axis=0, initial=0.0)
+        far = SPACING * plane.extents[side.name][:2, row].max(axis=0, initial=0.0)
         if plane.timed and len(row):
             middle = middle[:, [int(plane.up == TIME)]]
             far = np.full(len(row), np.ptp(middle) / INTERVALS)
@@ -208,25 +210,25 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 
 
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
-    """States near the assigned pair that is farthest apart, a few steps before and after it.
+    """Return states near the farthest assigned pair, a few steps before and after it.
 
     Of associations those of its step. None where there are neither ellipses nor gates, or nothing
     to enlarge.
     """
-    seen, gates = plane.seen, plane.gates
+    data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
     reach |= {} if gates is None else {"truth": gates[:2].max(axis=0)}
-    side = seen.estimate if gates is None and (reach["estimate"] > 0).any() else seen.truth
+    side = data.estimate if gates is None and (reach["estimate"] > 0).any() else data.truth
     known = np.flatnonzero(reach[side.name] > 0)
-    few = sum(len(one.row["step"]) for one in seen.sides) < 3
-    if seen.document["boxes"] or not len(known) or few:
+    few = sum(len(one.row["step"]) for one in data.sides) < 3
+    if data.document["boxes"] or not len(known) or few:
         return {}
     error = np.where(side.row["other"] < 0, -1.0, side.row["error"])
     middle = known[np.argmax(error[known])]
     far = WINDOW * float(np.median(reach[side.name][known]))
     near: dict[str, Ints] = {}
     steps = INTERVALS // 2 if plane.timed else STEPS if gates is None else 0
-    for one in seen.sides:
+    for one in data.sides:
         distance = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
         distance[[name == TIME for name in (plane.across, plane.up)]] = 0
         later = np.abs(one.row["step"] - side.row["step"][middle])
@@ -235,8 +237,8 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Lines from these estimates to the truths that they are assigned to, (2, 3 K)."""
-    truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
+    """Return lines from these estimates to their truths, (2, 3 K)."""
+    truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
     at = np.searchsorted(keys[:-1], wanted)
@@ -246,7 +248,7 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
-    """The first of each track, and each next one that is beyond the reach of the last."""
+    """Return the first row of each track, and each next one beyond the reach of the last."""
     kept = []
     last = -1
     for k in range(len(track)):
@@ -279,7 +281,7 @@ FADED = 0.35
 """Opacity of lines where a part is enlarged."""
 
 STRETCH = 8
-"""How much longer one axis may be for both to have one scale."""
+"""Ratio of two axes up to which both have one scale."""
 
 
 MARKS: dict[str, dict[str, Any]] = {
@@ -292,20 +294,20 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
 
 
-def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
-    """Trajectories with misses, false targets and switches."""
-    boxes = seen.document["boxes"]
-    across, up = plane_columns(seen.document["columns"], columns)
-    plane = Plane(seen=seen, across=across, up=up, style=style)
+def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
+    """Draw trajectories with misses, false targets and switches."""
+    boxes = data.document["boxes"]
+    across, up = plane_columns(data.document["columns"], columns)
+    plane = Plane(data=data, across=across, up=up, style=style)
     places = plane.places
-    sides = [side for side in seen.sides if side.name in places]
+    sides = [side for side in data.sides if side.name in places]
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
-    scale = unit_scale(across, up, seen.document.get("stretch", 1.0))
+    scale = unit_scale(across, up, data.document.get("stretch", 1.0))
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
-    most = 1.0 if style.titles else 0.6 if style.wide else 0.95
-    tall = min(max(ratio, 0.45), most) * (style.width - 1.0) + 0.9
+    max_ratio = 1.0 if style.titles else 0.6 if style.wide else 0.95
+    tall = min(max(ratio, 0.45), max_ratio) * (style.width - 1.0) + 0.9
     enlarged = rows_enlarged(plane) if sides else {}
     low = 0.55 * style.width
     made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
@@ -317,14 +319,14 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
             panel.set_aspect(scale, adjustable="datalim")
         for side in sides:
             fade = 1.0 if panel is axis else FADED
-            handles |= _lines(panel, side, places[side.name], style, seen, many, fade)
+            handles |= _lines(panel, side, places[side.name], style, data, many, fade)
     if sides:
         handles |= surroundings(axis, plane, rows_along(plane), SPECK)
-    if seen.document["words"]:  # of an association
-        line = pairs(plane, np.arange(len(seen.estimate.row["step"])))
+    if data.document["words"]:  # an association has lines
+        line = pairs(plane, np.arange(len(data.estimate.row["step"])))
         looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
         handles["pair"] = axis.plot(*line, **looks)[0]
-    handles |= _events(axis, seen, places, style)
+    handles |= _events(axis, data, places, style)
     axis.autoscale_view()
     _ends(axis, plane, sides, (style.width - 1.0, tall - 0.9), extent)
     if enlarged:
@@ -336,7 +338,7 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
-    titled(axis, style, "In the plane", seen.about)
+    titled(axis, style, "In the plane", data.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
     beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
     beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names
@@ -345,46 +347,46 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
 
 
 def _name_axes(axis: Axes, plane: Plane) -> None:
-    """Names of both directions."""
+    """Name both directions."""
     for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
         if name == TIME:
-            time_axis(axis, plane.seen, plane.style, upright=upright)
+            time_axis(axis, plane.data, plane.style, upright=upright)
         else:
-            which.set_label_text(_named(name, plane.seen.document["unit"]), parse_math=False)
+            which.set_label_text(_named(name, plane.data.document["unit"]), parse_math=False)
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
     """Draw these states, the shapes around them, and lines between assigned ones."""
-    seen, place = plane.seen, plane.places
-    around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
+    data, place = plane.data, plane.places
+    around = {side.name: plane.around(side, rows[side.name]) for side in data.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
     size = 4.0 if plane.style.titles else 2.5
     dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
-    for side, fill, mark in zip(seen.sides, ("none", INK), MARKS.values(), strict=True):
+    for side, fill, mark in zip(data.sides, ("none", INK), MARKS.values(), strict=True):
         row = rows[side.name]
-        alone = side.row["other"][row] == NONE
+        unassigned = side.row["other"][row] == NONE
         looks = dot | {"label": f"{side.name}/states", "zorder": 3, "color": INK}
         looks |= {"marker": "o", "markerfacecolor": fill}
-        axis.plot(*place[side.name][:, row[~alone]], **looks)
-        axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
+        axis.plot(*place[side.name][:, row[~unassigned]], **looks)
+        axis.plot(*place[side.name][:, row[unassigned]], **(looks | mark))
     line = pairs(plane, rows["estimate"])
     axis.plot(*line, color=INK, linewidth=0.8, zorder=2.9)
-    points = [place[side.name][:, rows[side.name]].T for side in seen.sides]
-    points += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    points = [place[side.name][:, rows[side.name]].T for side in data.sides]
+    points += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in data.sides]
     if plane.gates is not None:
-        row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
+        row, power = rows["truth"], data.document["gate"]["power"] or np.inf
         gates = ellipses(place["truth"][:, row], plane.gates[:, row], power)
         looks = {"facecolors": "none", "edgecolors": MISSED, "linestyles": ":", "linewidths": 1}
         made = PolyCollection(list(gates), label="gates", **looks)
         axis.add_collection(made)
-        handles[f"gate of {seen.word('truth')}"] = made
+        handles[f"gate of {data.word('truth')}"] = made
         points.append(gates.reshape(-1, 2))
-    steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
-    begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
+    steps = np.concatenate([side.row["step"][rows[side.name]] for side in data.sides])
+    begin, end = (str(data.document["times"][k]) for k in (steps.min(), steps.max()))
     span = begin if begin == end else f"{begin} to {end}"
-    what = "farthest pair" if (seen.truth.row["other"] >= 0).any() else "first state"
+    what = "farthest pair" if (data.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
-    # last, and not fixed: the aspect may widen them
+    # set last and not fixed, as the aspect may widen them
     low, high = (end(np.concatenate([line.T, *points]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
@@ -398,7 +400,7 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Length of a unit upwards by that of one across, where both are places in one unit.
+    """Return the length of a unit upwards by that of one across, where both are places in one unit.
 
     `stretch` is that of a degree of latitude by one of longitude.
     """
@@ -409,10 +411,10 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
 
 def _lines(
     axis: Axes,
-    side: DrawnSide,
+    side: SideData,
     place: Floats,
     style: Style,
-    seen: PlotData,
+    data: PlotData,
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
@@ -421,9 +423,9 @@ def _lines(
     if not len(row["track"]):
         return {}
     thin = style.settings.get("lines.linewidth", 1.3)
-    separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.document["stride"])
+    separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    single = np.zeros(len(row["track"]), bool)  # a stretch of one state needs a mark
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
@@ -444,23 +446,23 @@ def _lines(
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(*(values[dots] for values in place), **both, **dot)
-        handles.setdefault(seen.word(side.name), line)
+        handles.setdefault(data.word(side.name), line)
     return handles
 
 
 def _ends(
     axis: Axes,
     plane: Plane,
-    sides: Sequence[DrawnSide],
+    sides: Sequence[SideData],
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Heads of arrows where tracks end; their ids there of estimates, of truths where they begin.
+    """Draw heads of arrows where tracks end; with ids of estimates, of truths at their begin.
 
     Of many tracks those that cost most have them, as far as names do not lie on each other.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
-    scale = 72 * np.array(inches) / extent  # points of a unit
+    scale = 72 * np.array(inches) / extent  # points per unit
     taken: list[tuple[Floats, Floats]] = []
     for side in sides:
         place, truth = plane.places[side.name], side.name == "truth"
@@ -470,7 +472,7 @@ def _ends(
         for k in known[:NAMED]:
             first, last = ends[0][k], ends[1][k] - 1
             colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
-            before = place[:, max(first, last - 3)]  # noise of one step is no direction
+            before = place[:, max(first, last - 3)]  # a single step would be noise
             if not plane.timed and (before != place[:, last]).any():
                 arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
                 arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
@@ -490,42 +492,42 @@ def _ends(
 
 
 def _events(
-    axis: Axes, seen: PlotData, places: dict[str, Floats], style: Style
+    axis: Axes, data: PlotData, places: dict[str, Floats], style: Style
 ) -> dict[str, Artist]:
-    """Crosses, triangles and diamonds where something is wrong."""
+    """Draw crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
-    for side, (name, looks) in zip(seen.sides, MARKS.items(), strict=True):
+    for side, (name, looks) in zip(data.sides, MARKS.items(), strict=True):
         if side.name in places:
             x, y = places[side.name]
             marks.append((name, x[side.unassigned], y[side.unassigned], looks))
     if "truth" in places and len(places["truth"][0]):
-        row = rows_of_switches(seen)
+        row = rows_of_switches(data)
         diamond: dict[str, Any] = {"marker": "D", "color": INK, "zorder": 4}
         if len(row) < CROWDED:
             diamond["markeredgecolor"] = "white"
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
     if count > GROUPED:
-        return _grouped(axis, seen, marks, style)
+        return _grouped(axis, data, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
     common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
     common["rasterized"] = count > VECTOR_POINTS // 8
     return {
-        seen.word(name): axis.plot(x, y, label=name, **{**common, **looks})[0]
+        data.word(name): axis.plot(x, y, label=name, **{**common, **looks})[0]
         for name, x, y, looks in marks
         if len(x)
     }
 
 
-def _grouped(axis: Axes, seen: PlotData, marks: list[Mark], style: Style) -> dict[str, Artist]:
-    """A mark for each kind and place, whose area is the number of events there."""
+def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dict[str, Artist]:
+    """Draw a mark for each kind and place, whose area is the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
     groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
-    most = max(int(count.max()) for _, _, count in groups.values())
+    highest = max(int(count.max()) for _, _, count in groups.values())
     whole = ((style.width - 1.0) * 72) ** 2
     busiest = max(int(count.sum()) for _, _, count in groups.values())
-    largest = min(1.1 * whole / CELLS**2, COVERED * whole * most / busiest)
+    largest = min(1.1 * whole / CELLS**2, COVERED * whole * highest / busiest)
     handles: dict[str, Artist] = {}
     for name, _, _, looks in marks:
         if name not in groups:
@@ -537,14 +539,14 @@ def _grouped(axis: Axes, seen: PlotData, marks: list[Mark], style: Style) -> dic
             else {"color": looks["color"]}
         )
         looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR_POINTS // 8}
-        area = np.maximum(largest * count / most, largest / 40)
+        area = np.maximum(largest * count / highest, largest / 40)
         made = axis.scatter(x, y, area, label=name, **looks)
-        handles[f"{seen.word(name)}, {count.min():,} to {count.max():,}"] = made
+        handles[f"{data.word(name)}, {count.min():,} to {count.max():,}"] = made
     return handles
 
 
 def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
-    """Middles and numbers of the points in each cell of a grid."""
+    """Return middles and numbers of the points in each cell of a grid."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)  # only NumPy 2.0 gives it two axes
@@ -552,10 +554,10 @@ def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Float
     return middle[0], middle[1], count
 
 
-def rows_of_switches(seen: PlotData) -> Ints:
-    """The row of the truth at which each switch is, or the last one before it."""
-    key = seen.steps + 1
-    row, switches = seen.truth.row, seen.switches
+def rows_of_switches(data: PlotData) -> Ints:
+    """Return the row of the truth at which each switch is, or the last one before it."""
+    key = data.steps + 1
+    row, switches = data.truth.row, data.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
     before = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
     return np.asarray(np.maximum(before, 0))
@@ -568,20 +570,20 @@ LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
     {"color": FALSE, "linewidth": 0.9},
 )
-"""Of truth and estimate: what is above lets what is below be seen."""
+"""Looks of truth and estimate: the upper lines let the lower ones be seen."""
 
 NAMED = 30
-"""Most trajectories that are named beside their lines."""
+"""Trajectories that are named beside their lines, at most."""
 
 PRESENCE = "trajectory"
-"""What is up where the time is across."""
+"""Name of the upward axis where the time is across."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
     style: Style,
 ) -> Figure:
-    """Trajectories in the plane, and a line for each over the times at which it has states.
+    """Draw trajectories in the plane, and a line for each over its times.
 
     Parameters
     ----------

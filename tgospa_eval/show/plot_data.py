@@ -27,7 +27,7 @@ from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPREAD, Columns, Json, Time, costliest
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.time_axis import TimeAxis, moments, readable
+from tgospa_eval.show.time_axis import TimeAxis, describe_times, readable
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
@@ -61,10 +61,10 @@ TIME = "t"
 """The time as an axis of the plane."""
 
 FARTHEST = 1e300
-"""Of what is drawn in the plane: matplotlib takes differences of coordinates."""
+"""Largest coordinate in the plane: matplotlib takes differences of coordinates."""
 
 FARTHEST_LEVEL = 1 << 29
-"""Of what is drawn on the page: differences of two fit into 32 bits."""
+"""Largest level on the page: differences of two fit into 32 bits."""
 
 PARTICLES = 100_000
 """Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
@@ -79,10 +79,10 @@ NONE, FREE = -1, -2
 """No other: missed or false, and what is not judged and costs nothing."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
-"""What a track of either side costs where it is unassigned."""
+"""Cost of a track of either side where it is unassigned."""
 
 RUN = ("track", "begin", "end", "other")
-"""What there is of each stretch of one assignment."""
+"""Fields of each stretch of one assignment."""
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
@@ -109,7 +109,7 @@ def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tupl
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DrawnSide:
+class SideData:
     """The tracks of one side.
 
     Parameters
@@ -135,7 +135,7 @@ class DrawnSide:
 
     @cached_property
     def ids(self) -> list[str]:
-        """With the class in front where classes are evaluated apart."""
+        """Ids of the tracks, with the class in front where classes are evaluated separately."""
         ids, classes = self.table["id"], self.table.get("class")
         return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
 
@@ -167,8 +167,8 @@ class PlotData:
 
     document: Json
     arrays: dict[str, Ints]
-    truth: DrawnSide
-    estimate: DrawnSide
+    truth: SideData
+    estimate: SideData
     about: str
 
     @cached_property
@@ -177,18 +177,18 @@ class PlotData:
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
-    def sides(self) -> tuple[DrawnSide, DrawnSide]:
+    def sides(self) -> tuple[SideData, SideData]:
         """Truth and estimate."""
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """Values that the plane can show of states (R, d) at these steps."""
+        """Return values that the plane can show of states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
         shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
         return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
-        """Name of a side or a part."""
+        """Return the name of a side or a part."""
         return str(self.document["words"].get(name, name))
 
     @property
@@ -211,7 +211,7 @@ _MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
 
 
 def plot_data(result: Evaluation | Pairing) -> PlotData:
-    """Data that page and pictures draw, made once for each result."""
+    """Return the data that page and pictures draw, made once for each result."""
     if result not in _MADE:
         if isinstance(result, Pairing):
             _MADE[result] = _association_data(result)
@@ -221,21 +221,21 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 
 
 def _result_data(result: Evaluation) -> PlotData:
-    """Data for the page and pictures of a result.
+    """Return the data for the page and pictures of a result.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
     whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
     parts = [part for part in whole if isinstance(part, PairEvaluation)]
     columns = parts[0].proof.compared.columns if parts else ()
-    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    stretches = len(result.labels.times) if parts else MAX_STRETCHES
     data = over_time(result, stretches) | {
         "switches": _switches(parts),
         "repairs": _repairs(result),
     }
-    if result.slid is not None:
-        data["windows"] = _windows(result, result.slid)
-    return drawn_data(
+    if result.window_bounds is not None:
+        data["windows"] = _windows(result, result.window_bounds)
+    return data_of_sides(
         {name: _joined(parts, name, len(columns)) for name in KINDS},
         columns,
         {name: _tracks(result, name) for name in KINDS},
@@ -250,7 +250,7 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 
 
 def _association_data(pairing: Pairing) -> PlotData:
-    """Data to draw an association: its sides as truth and estimate, costs of order 1.
+    """Return data to draw an association: sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
     """
@@ -263,43 +263,43 @@ def _association_data(pairing: Pairing) -> PlotData:
     for (name, kind), side, other, partner, distance in zip(
         KINDS.items(), sides, sides[::-1], pairing.partners, pairing.partings, strict=True
     ):
-        alone, track = partner == NONE, side.track.astype(np.int64)
-        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
-        rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
-        rows["error"] = np.where(alone, 1.0, distance / pairing.cutoff)
+        lone, track = partner == NONE, side.track.astype(np.int64)
+        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": lone & False}
+        rows["other"] = np.where(lone, NONE, np.append(other.track, 0)[partner])
+        rows["error"] = np.where(lone, 1.0, distance / pairing.cutoff)
         if name == "truth" and pairing.gates is not None:
             rows["gate"] = pairing.gates
         rows = by_track(rows, side.state, side.spread, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
-        lost = alone * pairing.cutoff / 2
+        lost = lone * pairing.cutoff / 2
         values = {"localisation": distance, "unassigned": lost, "total": distance + lost}
-        values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
+        values |= {"unassigned_count": lone, "steps": np.ones(len(track))}
         sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
         tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
         parts = {"localisation": distance, kind: lost}
         costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
-        counts[kind] = np.bincount(side.step, alone, steps).astype(float)
+        counts[kind] = np.bincount(side.step, lone, steps).astype(float)
     lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
     lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
     times = readable(pairing.first.shown.tolist())
     document: Json = {"words": WORDS, "parts": list(costs), "cutoff": pairing.cutoff, "order": 1.0}
-    document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
+    document |= {"unit": "", "together": 1, "times": times, "axis": describe_times(times)}
     for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
         document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
     document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
     document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
     about = f"c = {pairing.cutoff:g}, {pairing.distance.name}"
-    return drawn_data(given, pairing.first.columns, tables, document, about)
+    return data_of_sides(given, pairing.first.columns, tables, document, about)
 
 
-def drawn_data(
+def data_of_sides(
     given: Mapping[str, tuple[Rows, Sequence[Clouds]]],
     columns: Sequence[str],
     tables: Mapping[str, Columns],
     document: Json,
     about: str,
 ) -> PlotData:
-    """Data to draw the rows of both sides; their clouds lie one behind the other.
+    """Return data to draw the rows of both sides; their clouds lie one behind the other.
 
     `tables` are those of the tracks; `document` says what is drawn over time.
     """
@@ -310,11 +310,11 @@ def drawn_data(
     spread = described([side["spread"] for side in rows.values()], stride)
     count = sum(len(cloud) for _, clouds in given.values() for cloud in clouds)
     every = stride * max(1, -(-count // (stride * PARTICLES // FEWEST)))
-    sides: dict[str, DrawnSide] = {}
+    sides: dict[str, SideData] = {}
     arrays: dict[str, Ints] = {}
 
     def coded(state: Floats, axis: int) -> Ints:
-        # halves, for the difference of two large numbers may overflow
+        # halves, as the difference of two large numbers may overflow
         value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
         return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
 
@@ -323,10 +323,8 @@ def drawn_data(
         run: Rows = {c: side[c][opens] for c in ("track", "other", "unjudged") if c in side}
         run |= {"begin": side["step"][opens], "end": side["step"][closes]}
         row = {column: values[keep] for column, values in side.items()}
-        particles = drawn_particles(row, given[name][1], every, len(columns))
-        sides[name] = DrawnSide(
-            name=name, table=tables[name], run=run, row=row, particles=particles
-        )
+        particles = shown_particles(row, given[name][1], every, len(columns))
+        sides[name] = SideData(name=name, table=tables[name], run=run, row=row, particles=particles)
         arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
         if "unjudged" in run and run["unjudged"].any():
             arrays[f"{name}/run/unjudged"] = run["unjudged"].astype(np.int64)
@@ -376,8 +374,8 @@ def drawn_data(
     return PlotData(document=data, arrays=arrays, about=about, **sides)
 
 
-def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Particles of the clouds at every `every`-th step.
+def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
+    """Return particles of the clouds at every `every`-th step.
 
     Where a cloud has more than there is room for, systematic resampling from the middle of each
     slot chooses them: each stands for the weight of the slots that fall on it.
@@ -392,7 +390,7 @@ def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         points, weights = clouds[part][int(row["cloud"][k] - first[part])]
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
-        if len(points) > 1:  # else it is a point
+        if len(points) > 1:  # a single one is a point
             particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
     return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
@@ -409,7 +407,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """State columns by name, of boxes with their centres."""
+    """Return state columns by name, of boxes with their centres."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -417,13 +415,13 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Length of a degree of latitude over one of longitude, at the mean latitude."""
+    """Return the length of a degree of latitude over one of longitude, at the mean latitude."""
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """(cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
+    """Return (cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -438,7 +436,7 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """One side of all parts, tracks numbered through; and its clouds."""
+    """Return one side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
     tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
@@ -477,7 +475,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and stays
+    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and is kept
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -501,7 +499,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Rows with these states and the shapes around them, sorted by track."""
+    """Return rows with these states and the shapes around them, sorted by track."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -511,7 +509,7 @@ def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Cloud
 
 
 def _runs(side: Rows) -> tuple[Ints, Ints]:
-    """First and last row of each run."""
+    """Return the first and last row of each run."""
     track, step = side["track"], side["step"]
     opens = np.ones(len(track), bool)
     opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1)
@@ -524,10 +522,10 @@ def _runs(side: Rows) -> tuple[Ints, Ints]:
 def _thinned(
     sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
-    """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
+    """Return the stride that draws about `VALUES` coordinates, and the rows by side."""
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
-        kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
+        kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
         # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
@@ -536,8 +534,8 @@ def _thinned(
         stride += -(-stride // 4)
 
 
-def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
-    """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
+def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
+    """Return rows to draw: every so many steps, ends of runs, and all that is unassigned."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
     keep = (side["step"] % stride == 0) | (side["other"] == NONE)
@@ -547,7 +545,7 @@ def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
 
 
 def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
-    """Origin and step of the grid on which each coordinate is encoded."""
+    """Return the origin and step of the grid on which each coordinate is encoded."""
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
@@ -558,7 +556,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
 
 
 def _tracks(result: Evaluation, side: str) -> Columns:
-    """The columns of a table of tracks by the same names for both sides, with the total.
+    """Return the columns of a table of tracks, named alike for both sides, with the total.
 
     Of data in parts the costliest tracks.
     """
@@ -584,7 +582,7 @@ def _tracks(result: Evaluation, side: str) -> Columns:
 
 
 def _switches(parts: list[PairEvaluation]) -> Columns:
-    """The table of switches with numbers of steps and tracks."""
+    """Return the table of switches with numbers of steps and tracks."""
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
@@ -601,7 +599,7 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
 
 
 def _repairs(result: Evaluation) -> Columns:
-    """Track numbers and steps of each repair, and the repair in words."""
+    """Return track numbers and steps of each repair, and the repair in words."""
     explained = explanation_of(result)
     repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
@@ -637,7 +635,7 @@ ANGLE = 64
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """Scales of the packed numbers of both sides; empty without ellipses.
+    """Return scales of the packed numbers of both sides; empty without ellipses.
 
     Parameters
     ----------
@@ -664,7 +662,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
 
 
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
-    """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
+    """Return arrays by name: encoded rows, sorted by track, and each of the entries.
 
     Those of every so many steps, and the first and the last of each track.
     """
@@ -680,7 +678,7 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 
 
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
-    """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
+    """Return lower triangles (K, d (d + 1) / 2) as whole numbers, an array for each entry."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     diagonal = rows == columns
     deviation = deviations(spread[:, diagonal])
@@ -694,11 +692,11 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
 
 
 def deviations(variances: Floats) -> Floats:
-    """Square roots of variances; overflowed ones have no picture."""
+    """Return square roots of variances; overflowed ones have no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
-MOST_STRETCHES = 600
+MAX_STRETCHES = 600
 """Stretches of steps that are drawn of data in parts."""
 
 SHOWN_ROWS = 20
@@ -706,7 +704,7 @@ SHOWN_ROWS = 20
 
 
 def curves(result: Evaluation) -> dict[str, list[float]]:
-    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
+    """Return the normalised cumulative cost: the root of the mean cost of the steps up to each.
 
     (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
     last value of ``total`` is `normalised`. Where the curve was asked for, costs are
@@ -714,8 +712,8 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
     of the steps 1..k from above.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
-    if result.traced is not None:
-        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    if result.curve_bounds is not None:
+        parts = dict(zip(PARTS, result.curve_bounds.parts, strict=True))
     else:
         parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
     parts["total"] = sum(parts.values(), np.zeros(len(steps)))
@@ -730,16 +728,16 @@ def rounded(values: list[float]) -> list[float]:
     """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be too small or too large
         factor = 10.0 ** (6 - np.floor(np.log10(size)))
         rounded = np.rint(exact * factor) / factor
     shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
     return shortest
 
 
-def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First step and costliest step of each of at most so many bins of equal length."""
-    together = max(1, -(-len(total) // most))
+def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
+    """Return the first and costliest step of each of at most so many bins of equal length."""
+    together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
     padded[: len(total)] = total
@@ -747,7 +745,7 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
+    """Return NEES of the first step of each stretch, with its own band, and ranks of particles."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {
@@ -760,7 +758,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """Data over time of at most so many stretches of steps: means, and the curve at their ends."""
+    """Return means over at most so many stretches of steps, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)
@@ -786,7 +784,7 @@ def over_time(result: Evaluation, stretches: int) -> Json:
             "counts": {name: count[worst].tolist() for name, count in counts.items()},
         },
         "times": times,
-        "axis": moments(times),
+        "axis": describe_times(times),
         "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
         **({"nees": _consistency(result, split, first)} if NEES in split else {}),
         "counts": {name: mean(count) for name, count in counts.items()},

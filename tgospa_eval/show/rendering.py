@@ -31,13 +31,13 @@ LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
 
 # Patterns are compiled when they are used: a small evaluation needs none.
 _NAMES = r"(?<!\w)@(?=\w)"
-"""Where GitHub sees the name of someone who is to be notified."""
+"""Place where GitHub would notify someone by name."""
 
 _LINKS = r":(?=//)|(?<=www)\."
-"""Where an address becomes a link."""
+"""Place where an address becomes a link."""
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
-"""How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
+"""Beginning of a text that a spreadsheet takes for a formula, after marks of ours if any."""
 
 _NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
 """Letters that pdflatex does not know."""
@@ -45,20 +45,20 @@ _NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
 _NUMBER = r"-?[\d,]+(\.\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
-"""What is visible and XML 1.0 cannot express, escaped or not."""
+"""Visible characters that XML 1.0 cannot express, escaped or not."""
 
 _XML = '[&<>"]'
 
 
 def markdown(text: str) -> str:
-    """The text in a paragraph, a list or a cell of Markdown."""
+    """Escape a text for a paragraph, a list or a cell of Markdown."""
     text = visible(text).replace("&", "&amp;").replace("<", "&lt;")
     text = "".join(f"\\{c}" if c in "\\`*_|[]#~$" else c for c in text)
     return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda match: f"\\{match[0]}", text))
 
 
 def markdown_code(text: str) -> str:
-    """A name as code of Markdown, in which nothing is a name of someone or a new cell."""
+    """Return a name as code of Markdown, in which nothing is a name of someone or a new cell."""
     text = visible(text)
     if not text.strip() or any(mark in text for mark in "`|\\"):
         return f"<code>{''.join(map(_entity, text))}</code>"
@@ -70,14 +70,14 @@ def _entity(c: str) -> str:
 
 
 def latex(text: str) -> str:
-    """The text in LaTeX, with Greek letters by their names: pdflatex stops at them."""
+    """Escape a text for LaTeX, with Greek letters by their names: pdflatex stops at them."""
     return "".join(
         LATEX.get(c) or (_greek(c) if "\u0370" <= c <= "\u03ff" else c) for c in visible(text)
     )
 
 
 def _greek(letter: str) -> str:
-    """A Greek letter by its name, a capital that looks Latin as such."""
+    """Return a Greek letter by its name, a capital that looks Latin as such."""
     from unicodedata import name  # lazy: few labels are Greek
 
     kind, _, word = name(letter, "").removeprefix("GREEK ").partition(" LETTER ")
@@ -103,30 +103,30 @@ def _greek(letter: str) -> str:
 
 
 def latex_comment(text: str) -> str:
-    """The text as a line of LaTeX that is not set."""
+    """Return the text as a line of LaTeX that is not set."""
     return f"% {visible(text)}"
 
 
 def xml(text: str) -> str:
-    """Lines of text in an element or an attribute of XML."""
+    """Escape lines of text for an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
     text = re.sub(_NO_XML, lambda match: f"\\u{ord(match[0]):04x}", text)
     return re.sub(_XML, lambda match: f"&#{ord(match[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
-    """Lines of text as the message of a workflow command."""
+    """Escape lines of text as the message of a workflow command."""
     text = "\n".join(map(visible, text.split("\n")))
     return text.replace("%", "%25").replace("\n", "%0A")
 
 
 def workflow_property(text: str) -> str:
-    """The text as a property of a workflow command."""
+    """Escape a text as a property of a workflow command."""
     return workflow_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
 
 
 def csv_cell(value: object) -> object:
-    """Value in a CSV table: one that a spreadsheet would take for a formula gets a ' in front.
+    """Return a value in a CSV table: one that looks like a formula gets a ' in front.
 
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
@@ -144,18 +144,18 @@ WIDTH = 80
 """Columns of a terminal."""
 
 INDENT = "  "
-LEAST, MOST = 12, 44
+MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
 """Columns of the first cell in a terminal: at least, however wide the others are, and at most to
 differ from others."""
 
-LEAST_WORDS = 20
+MIN_WORDS = 20
 """Columns of words that go on below, at least."""
 
-MOST_SMALL = 9
+MAX_SMALL = 9
 """Columns of a table of LaTeX; more have smaller type."""
 
 DASHES = {"l": "---", "r": "---:"}
-"""How Markdown says where the cells of a column stand."""
+"""Alignment of the cells of a column in Markdown."""
 
 Row = Sequence[str | None]
 """Cells that are formatted already; None is none at all."""
@@ -210,7 +210,7 @@ class Table:
 
 
 def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
-    """A table of columns of cells by their names; `looks` are other fields of it."""
+    """Return a table of columns of cells by their names; `looks` are other fields of it."""
     rows = list(zip(*columns.values(), strict=True))
     return Table(head=tuple(columns), rows=rows, **looks)
 
@@ -245,7 +245,7 @@ class Document:
 
 
 def as_text(document: Document) -> str:
-    """Text of a report for a terminal, 80 columns."""
+    """Return the text of a report for a terminal, 80 columns."""
     blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
@@ -256,7 +256,7 @@ def as_text(document: Document) -> str:
 
 
 def as_markdown(document: Document) -> str:
-    """Markdown of a report, for a pull request or a lab book."""
+    """Return the Markdown of a report, for a pull request or a lab book."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
     blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
@@ -267,7 +267,7 @@ def as_markdown(document: Document) -> str:
 
 
 def as_latex(document: Document, *, aligned: bool = False) -> str:
-    """Tables of the package booktabs; the words are comments.
+    """Return tables of the package booktabs; the words are comments.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def as_latex(document: Document, *, aligned: bool = False) -> str:
 
 
 def as_html(document: Document) -> str:
-    """HTML of a report, for a cell of a notebook."""
+    """Return the HTML of a report, for a cell of a notebook."""
     tables = "".join(line for table in document.tables for line in _html_lines(table))
     above, below = (
         "".join(f'<div style="opacity:.75;font-size:.92em">{xml(line)}</div>' for line in lines)
@@ -296,7 +296,7 @@ def as_html(document: Document) -> str:
 
 
 def _html_lines(table: Table) -> Iterator[str]:
-    """The table by elements of HTML."""
+    """Yield the table by elements of HTML."""
     yield '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
     for k, row in enumerate(_cells(table, xml, "<b>{}</b>")):
         kind = "td" if k else "th"
@@ -315,7 +315,7 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "siunitx": partial(as_latex, aligned=True),
     "html": as_html,
 }
-"""Of each format for people what writes a document; HTML is for notebooks alone."""
+"""Writers of a document by format for people; HTML is for notebooks alone."""
 
 
 def rendered(
@@ -332,11 +332,11 @@ def rendered(
 
 
 def csv_text(table: Columns) -> str:
-    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
+    """Return a table as CSV; None is an empty field, numbers are full doubles, no formulas."""
     import csv  # lazy: most print no CSV
 
     lines: list[str] = []
-    # With both line ends as its own the writer quotes texts with either; files have one of them.
+    # The writer quotes texts with a line end of its own: here with both, though files have one.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -345,7 +345,7 @@ def csv_text(table: Columns) -> str:
 
 
 def _csv_column(column: Sequence[object]) -> Sequence[object]:
-    """A column of a table: each text is looked at once, numbers not at all."""
+    """Return a column of a table: each text is checked once, numbers not at all."""
     if not any(issubclass(kind, str) for kind in set(map(type, column))):
         return column
     cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
@@ -353,7 +353,7 @@ def _csv_column(column: Sequence[object]) -> Sequence[object]:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Rows for a terminal, in columns of the widths of the table, or of their widest cells.
+    """Return rows for a terminal, in columns of the widths of the table, or of the widest cells.
 
     A first cell that is longer than its column has a line of its own.
     """
@@ -363,17 +363,17 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
         widths, between = _widths(rows), "  "
         over = len(indent) + sum(widths) + 2 * len(widths) - 2 - WIDTH
         for k in table.wrapped if over > 0 else ():
-            most = max(widths[k] - over, LEAST_WORDS)
-            widths[k] = max(len(line) for row in rows for line in wrap(row[k], "", most))
+            room = max(widths[k] - over, MIN_WORDS)
+            widths[k] = max(len(line) for row in rows for line in wrap(row[k], "", room))
     signs = ["<" if side == "l" else ">" for side in table.sides]
     forms = [f"{sign}{width}" for sign, width in zip(signs, widths, strict=True)]
     lines: list[str] = []
     for row in rows:
-        alone = len(row[0]) > widths[0]
-        lines += [f"{indent}{row[0]}"] if alone else []
+        own_line = len(row[0]) > widths[0]
+        lines += [f"{indent}{row[0]}"] if own_line else []
         cells = [
             wrap(cell, "", widths[k] - 2 + len(between)) if k in table.wrapped else [cell]
-            for k, cell in enumerate(["", *row[1:]] if alone else row)
+            for k, cell in enumerate(["", *row[1:]] if own_line else row)
         ]
         for line in zip_longest(*cells, fillvalue=""):
             lines.append(f"{indent}{between.join(map(format, line, forms))}".rstrip())
@@ -383,7 +383,7 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
 def markdown_lines(
     table: Table, blank: str = "", escape: Callable[[str], str] = markdown
 ) -> list[str]:
-    """Rows between bars; `blank` is beside the dashes, `escape` is for cells that are words."""
+    """Return rows between bars; `blank` is beside the dashes, `escape` is for words."""
     rows = [
         "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
         for row in _cells(table, escape, "**{}**")
@@ -393,7 +393,7 @@ def markdown_lines(
 
 
 def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
-    """The table by the package booktabs, numbers by siunitx if they are `aligned`."""
+    """Yield the table by the package booktabs, numbers by siunitx if they are `aligned`."""
     sides, bold = list(table.sides), r"\textbf{{{}}}"
     numeric = [
         k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
@@ -405,7 +405,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
     kind = "table*" if table.is_wide else "table"
     if table.caption:
         yield from (rf"\begin{{{kind}}}", r"\centering", rf"\caption{{{latex(table.caption)}}}")
-        size = "footnotesize" if len(sides) > MOST_SMALL else "small"
+        size = "footnotesize" if len(sides) > MAX_SMALL else "small"
         yield rf"\{size}\setlength{{\tabcolsep}}{{3pt}}"
     yield rf"\begin{{tabular}}{{{''.join(sides)}}}"
     yield r"\toprule"
@@ -417,7 +417,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # After the end of a row LaTeX takes a bracket or a star for a setting of that.
+        # After the end of a row LaTeX reads a bracket or a star as its setting.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
@@ -434,7 +434,7 @@ def _is_numeric(table: Table, column: int) -> bool:
 
 
 def _of_siunitx(text: str, cell: str) -> str:
-    """A number in a column of siunitx; `cell` is how it would stand in another."""
+    """Return a number in a column of siunitx; `cell` is its text in another column."""
     plain = text.replace(",", "")
     if cell.startswith(r"\textbf"):
         return rf"\bfseries {plain}"
@@ -444,7 +444,7 @@ def _of_siunitx(text: str, cell: str) -> str:
 def _cells(
     table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
 ) -> Iterator[list[str | None]]:
-    """Head and rows in the words of a language, all of one length."""
+    """Yield the head and rows in the words of a language, all of one length."""
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
         forms = (looks.get((k, at), "{}") for at in range(len(row)))
@@ -453,12 +453,12 @@ def _cells(
 
 
 def clip(line: str, width: int = WIDTH) -> str:
-    """The line, visible and cut to a width."""
+    """Return the line, visible and cut to a width."""
     return clipped(line, width)
 
 
 def wrap(text: str, indent: str = INDENT, width: int = WIDTH) -> list[str]:
-    """The text, visible, on lines; all but the first are indented. Ids are not cut at hyphens."""
+    """Return the visible text on lines; all but the first are indented, ids are not split."""
     shown = visible(text)
     return textwrap.wrap(shown, width, subsequent_indent=indent, break_on_hyphens=False) or [""]
 
@@ -468,7 +468,7 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(table: Table) -> list[str]:
-    """Lines of a table with columns as wide as their contents.
+    """Return lines of a table with columns as wide as their contents.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first columns again: all of text that tell rows apart,
@@ -489,10 +489,10 @@ def fitted(table: Table) -> list[str]:
     taken = sum(2 + widths[k] for k in labels)
     groups = _that_fit(widths, room)
     if labels and len(groups) > 1 and first + taken <= WIDTH // 2:
-        others = [widths[0], *widths[labels.stop :]]
+        other_widths = [widths[0], *widths[labels.stop :]]
         groups = [
             [*labels, *(k + labels.stop - 1 for k in group)]
-            for group in _that_fit(others, room - taken)
+            for group in _that_fit(other_widths, room - taken)
         ]
     for columns in groups:
         spacing = {k: "  " if table.sides[k] == "l" else "" for k in columns}
@@ -505,19 +505,19 @@ def fitted(table: Table) -> list[str]:
     return lines[1:]
 
 
-def _first_width(texts: list[str], others: int) -> int:
-    """Width of the first column: all it needs, or the rest, or enough."""
+def _first_width(texts: list[str], other_widths: int) -> int:
+    """Return the width of the first column: all it needs, or the rest, or enough."""
     longest = max(map(len, texts))
-    left = WIDTH - len(INDENT) - others
-    least = min(LEAST, longest)
+    left = WIDTH - len(INDENT) - other_widths
+    width = min(MIN_NAME_WIDTH, longest)
     different = len(set(texts))
-    while least < longest and len({_short(text, least) for text in texts}) < different:
-        least += 1
-    return min(longest, max(left, min(least, MOST)))
+    while width < longest and len({_short(text, width) for text in texts}) < different:
+        width += 1
+    return min(longest, max(left, min(width, MAX_NAME_WIDTH)))
 
 
 def _that_fit(widths: list[int], room: int) -> list[list[int]]:
-    """The columns after the first in groups that fit; one that is too wide is a group."""
+    """Group the columns after the first so that they fit; one that is too wide is a group."""
     groups: list[list[int]] = [[]]
     used = 0
     for k, width in enumerate(widths[1:], start=1):
@@ -530,7 +530,7 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """The end of a name that is too long: paths differ there. A heading "vs NAME" keeps its vs."""
+    """Return the end of a name that is too long: paths differ there. "vs NAME" keeps its vs."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
@@ -539,19 +539,19 @@ def _short(text: str, width: int) -> str:
 # Words and numbers that all documents of `compare` share.
 
 PART_HEADS = ("local.", "missed", "false", "switch")
-"""Of the parts of the cost, as heads of narrow columns."""
+"""Heads of narrow columns for the parts of the cost."""
 
 Rule = Literal["stone_soup", "mathworks"]
 
 RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
-"""How others charge switches after per-step GOSPA."""
+"""Rules of other programs for switches after per-step GOSPA."""
 
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
 
 TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
 TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
-"""What to type for what a page is not."""
+"""Command for comparisons that are not on this page."""
 
 SPLIT_NOTE = (
     "split, not proven: localisation, missed, false and switch are those of the assignment that "
@@ -560,18 +560,18 @@ SPLIT_NOTE = (
 
 
 def or_dash(value: float | None, form: str) -> str:
-    """A number, or a dash."""
+    """Format a number, or a dash."""
     return "-" if value is None else f"{value:{form}}"
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """One number if both ends look the same, else both."""
+    """Return one number if both ends look the same, else both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
 def error_of(value: float | None) -> str:
-    """A relative error, in powers of ten."""
+    """Format a relative error, in powers of ten."""
     if value is None:
         return "-"
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
@@ -580,18 +580,18 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Entries of rows as columns, with something before their names."""
+    """Return entries of rows as columns, with something before their names."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
 def unit_of(parameters: Mapping[str, Any]) -> str:
-    """The unit behind a number, if there is one."""
+    """Return the unit behind a number, if there is one."""
     unit = parameters.get("unit")
     return f" {unit}" if unit else ""
 
 
 def size_of(sizes: Mapping[str, int]) -> str:
-    """Size of a problem in words."""
+    """Return the size of a problem in words."""
     return (
         f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
@@ -599,11 +599,11 @@ def size_of(sizes: Mapping[str, int]) -> str:
 
 
 LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
-"""What parameters of the metric are called."""
+"""Letters of the parameters of the metric."""
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Given parameters of the metric, and the distance."""
+    """Format the given parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -626,16 +626,16 @@ PROOFS = {
     "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
     "not separated": "open: the bounds of both overlap",
 }
-"""What the verdicts mean."""
+"""Meanings of the verdicts."""
 
 
-MOST_NAMED = 8
+MAX_NAMED = 8
 """Names in a sentence; a table has all of them."""
 
 
 def first_names(groups: Sequence[Sequence[str]]) -> str:
-    """The first names with commas, those of a group with ``=``, and how many more there are."""
-    left, texts = MOST_NAMED, list[str]()
+    """List the first names with commas, those of a group with ``=``, and count the rest."""
+    left, texts = MAX_NAMED, list[str]()
     for group in groups:
         if left > 0:
             texts.append(" = ".join(group[:left]))
@@ -644,7 +644,7 @@ def first_names(groups: Sequence[Sequence[str]]) -> str:
 
 
 def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -> str:
-    """A sentence.
+    """Return the order as a sentence.
 
     Parameters
     ----------
@@ -683,7 +683,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Entries proven to be best, alone or as equals; or proven to have this place."""
+    """Return entries proven to be best, alone or as equals; or proven to have this place."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
@@ -691,7 +691,7 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Row and column of each value that is proven to be the least of its rivals.
+    """Return the row and column of each value that is proven to be the least of its rivals.
 
     Of the second `place` those that are proven to have that.
 
@@ -711,13 +711,13 @@ def best_cells(
 
 
 def equal_names(pairs: Iterable[Json]) -> set[str]:
-    """Names that share a place, for they are proven to be equal."""
+    """Return names that share a place, for they are proven to be equal."""
     equal = [pair for pair in pairs if pair["verdict"] == "equal"]
     return {pair[name] for pair in equal for name in ("first", "second")}
 
 
 def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:
-    """The range of places that are possible, or the only one, with = if it is shared."""
+    """Format the range of possible places, or the only one, with = if it is shared."""
     if best < worst:
         return f"{best}-{worst}"
     return f"{best}=" if shared else f"{best}"

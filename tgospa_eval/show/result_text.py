@@ -56,7 +56,7 @@ PARTS_SHOWN = {
     "identity": ("IDF1", ("IDP", "IDR")),
     "gospa": ("total", ("localisation", "missed", "false")),
 }
-"""Of each metric the value, and what stands beside it."""
+"""Value of each metric, and the numbers beside it."""
 
 COMPARED = {
     "hota": ("HOTA", "DetA", "AssA"),
@@ -64,17 +64,17 @@ COMPARED = {
     "identity": ("IDF1",),
     "gospa": ("total",),
 }
-"""What a ranking shows of each."""
+"""Numbers of each metric that a ranking shows."""
 
 SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
 COSTS = {"total", "localisation", "missed", "false"}
 LOW = {"IDSW", "total"}
-"""Of what is shown in a ranking: the lower the better, as TGOSPA; all else is the other way."""
+"""Numbers in a ranking of which the lower is the better, as of TGOSPA."""
 
 
 def other_table(other: OtherMetrics) -> Table:
-    """A row for each metric of one evaluation."""
+    """Return a row for each metric of one evaluation."""
     rows: list[Row] = []
     for name, (main, parts) in PARTS_SHOWN.items():
         if name in other:
@@ -103,7 +103,7 @@ def grouped_table(
     records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """A row for each of several records, with the names of each before it, if there are any.
+    """Yield a row for each of several records, with the names of each before it, if any.
 
     Of rows that are `rivals` the best values stand out.
     """
@@ -130,7 +130,7 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Table of the NEES and the cost of covariances, if all have a NEES.
+    """Yield the table of the NEES and the cost of covariances, if all have a NEES.
 
     Items have the costs of means and of spreads, and the record of NEES.
     """
@@ -150,13 +150,13 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """The least for the best: the values, or how far they are below the largest."""
+    """Return the least for the best: the values, or how far they are below the largest."""
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
 
 
 def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetrics]:
-    """Other metrics of rows with columns such as ``with.hota.HOTA``."""
+    """Yield other metrics of rows with columns such as ``with.hota.HOTA``."""
     for row in rows:
         record: dict[str, dict[str, float]] = {}
         for column, value in ((str(name), value) for name, value in row.items()):
@@ -176,7 +176,7 @@ def direction(other: OtherMetrics) -> Iterator[str]:
 
 
 def other_columns(records: Sequence[OtherMetrics]) -> Columns:
-    """All numbers of the other metrics, a column each."""
+    """Return all numbers of the other metrics, a column each."""
     return {
         f"{key}_{name}": [record[key][name] for record in records]
         for key, record in records[0].items()
@@ -189,7 +189,7 @@ def _short(name: str) -> str:
 
 
 def other_value(name: str, numbers: Mapping[str, float]) -> str:
-    """A number of another metric in words."""
+    """Format a number of another metric."""
     value = numbers[name]
     if name in COSTS:
         return number(value, 5)
@@ -200,21 +200,21 @@ def other_value(name: str, numbers: Mapping[str, float]) -> str:
 # Costs split by attributes.
 
 
-MOST_LISTED = 20
+MAX_LISTED = 20
 """Slices of a table; of more the costliest are shown."""
 
 SLICE_HEAD = ("states", "total", "share", *PART_HEADS, "followed", "RMSE")
 
 
 def shown_slices(slicing: Slicing) -> list[Slice]:
-    """The costliest slices, in their order."""
-    costliest = sorted(slicing.slices, key=lambda one: -one.total)[:MOST_LISTED]
+    """Return the costliest slices, in their order."""
+    costliest = sorted(slicing.slices, key=lambda one: -one.total)[:MAX_LISTED]
     kept = {id(one) for one in costliest}
     return [one for one in slicing.slices if id(one) in kept]
 
 
 def slices_table(slicing: Slicing) -> Table:
-    """A row for each slice: states of the truth in it, costs, the share of the whole."""
+    """Return a row for each slice: states of the truth in it, costs, the share of the whole."""
     total = slicing.total
     shown = shown_slices(slicing)
     rows: list[Row] = [(one.name, *_cells(one, total)) for one in shown]
@@ -238,7 +238,7 @@ def _cells(one: Slice, total: float) -> list[str]:
 def group_tables(
     heads: Sequence[str], groups: Sequence[tuple[tuple[str, ...], Sequence[Slicing]]]
 ) -> Iterator[Table]:
-    """A table for each attribute: of each slice one group below the other.
+    """Yield a table for each attribute: of each slice one group below the other.
 
     Parameters
     ----------
@@ -262,19 +262,19 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """Lines of the slices for a terminal."""
+    """Yield lines of the slices for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:
-    """Share of the total in percent."""
+    """Return the share of the total in percent."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """By whose attribute a cost is in a slice, and whether that is the only split."""
+    """Explain by whose attribute a cost is in a slice, and whether that is the only split."""
     if not slicings:
         return
     yield (
@@ -295,7 +295,7 @@ COUNTED = {
     "false": ("estimate-step without object", "estimate-steps without object"),
     "switch": ("track switch", "track switches"),
 }
-"""What the counts of parts count: one, and any other number of them."""
+"""Units of the counts of parts: of one, and of any other number."""
 
 
 SPLIT_WORDS = {
@@ -317,13 +317,13 @@ UNCERTAIN = (
 
 
 def table(result: Evaluation) -> str:
-    """The result in words, for someone who sees it for the first time."""
+    """Return the result in words, for someone who sees it for the first time."""
     shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
     return "\n\n".join(shown) + "\n"
 
 
 def blocks(result: Evaluation) -> dict[str, list[str]]:
-    """The lines of each block by name, none where it does not apply."""
+    """Return the lines of each block by name, none where it does not apply."""
     makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
@@ -335,7 +335,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
         "switches": _switches,
         "curve": _curve,
         "windows": _windows,
-        "others": _others,
+        "others": _other_metrics,
         "slices": _slices,
         "repairs": _repairs,
         "footer": _footer,
@@ -344,7 +344,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
 
 
 def headline(result: Evaluation) -> str:
-    """Value and its precision in one sentence."""
+    """Return the value and its precision in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
@@ -355,7 +355,7 @@ def _headline(result: Evaluation) -> Iterator[str]:
 
 
 def meaning(result: Evaluation) -> list[tuple[str, str]]:
-    """The parameters by name, each in words."""
+    """Return the parameters by name, each in words."""
     parameters = result.proof.parameters
     p = parameters.order
     price = _power(parameters.switch_penalty, p)
@@ -378,12 +378,12 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
-        *((("w, e", result.not_judged),) if result.not_judged else ()),
+        *((("w, e", result.exclusions),) if result.exclusions else ()),
     ]
 
 
 def _unassigned(result: Evaluation) -> str:
-    """Cost of missed and of false targets."""
+    """Return the cost of missed and of false targets."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -407,7 +407,7 @@ def _power(value: float, order: float) -> str:
 
 
 def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
-    """Name, cost, share and count of each part, and what is counted."""
+    """Yield the name, cost, share and count of each part, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
@@ -416,7 +416,7 @@ def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
 
 
 def part_table(result: Evaluation, before: str = "of which ") -> Table:
-    """The parts, those of localisation with a word in front, and their sum."""
+    """Return the parts, those of localisation with a word in front, and their sum."""
     total = result.total
     rows: list[Row] = [row[:4] for row in part_rows(result)]
     rows[1:1] = [
@@ -438,7 +438,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """Report of a result for Markdown and LaTeX: a small table, and all that was requested."""
+    """Return a report for Markdown and LaTeX: a small table, and all that was requested."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
@@ -449,7 +449,7 @@ def document(result: Evaluation) -> Document:
     ]
     tables.append(Table(head=("summary", "value"), rows=numbers))
     tables += [other_table(result.with_)] if result.with_ else []
-    tables += map(slices_table, result.sliced)
+    tables += map(slices_table, result.slicings)
     tables += [repair_table(result, repairs)] if repairs is not None and repairs.repairs else []
     scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
     return Document(
@@ -458,11 +458,11 @@ def document(result: Evaluation) -> Document:
         tables=tables,
         notes=[
             *filter(None, ["; ".join(f"{name} {value}" for name, value, _ in _each(result))]),
-            *filter(None, [result.not_judged]),
+            *filter(None, [result.exclusions]),
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),
-            *about_slices(result.sliced, certified=result.certified),
+            *about_slices(result.slicings, certified=result.certified),
             *(() if repairs is None else repair_notes(repairs)),
         ],
         warnings=result.messages,
@@ -478,11 +478,11 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "siunitx": lambda result: WRITERS["siunitx"](document(result)),
     "methods": methods,
 }
-"""What ``--format`` prints of a result; a member needs a line in the docs."""
+"""Reports of a result by ``--format``; a member needs a line in the docs."""
 
 
 def class_table(result: Evaluation) -> Table | None:
-    """A row for each class, where they are evaluated apart."""
+    """Return a row for each class, where they are evaluated separately."""
     columns = result.table("per_class")
     rows = [
         (name or "(blank)", *(number(value, 5) for value in values))
@@ -498,12 +498,12 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Value per step, and per object and step: its name, itself, and the divisor of the total."""
-    judged, normalised = result.evaluated_on, result.normalised
-    if judged.steps:
-        yield "per step", result.quantity(normalised["tgospa"]), counted(judged.steps, "step")
+    """Yield the value per step, and per object and step: name, value, divisor of the total."""
+    evaluated_on, normalised = result.evaluated_on, result.normalised
+    if evaluated_on.steps:
+        yield "per step", result.quantity(normalised["tgospa"]), counted(evaluated_on.steps, "step")
         if "per_object" in normalised:
-            states = counted(judged.truth_states, "state")
+            states = counted(evaluated_on.truth_states, "state")
             each = result.quantity(normalised["per_object"])
             yield "per object and step", each, f"{states} of the truth"
 
@@ -518,13 +518,13 @@ def _scale(result: Evaluation) -> Iterator[str]:
 
 
 def _summary(result: Evaluation) -> Iterator[str]:
-    """Numbers of tracking, a line for each kind."""
+    """Yield numbers of tracking, a line for each kind."""
     for name, words in summary_of(result):
         yield from wrap(f"  {name:<13}  {words}", " " * 17)
 
 
 def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
-    """Numbers of tracking, each with its name."""
+    """Yield numbers of tracking, each with its name."""
     quantity = partial(result.quantity, digits=4)
     is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
     place = quantity if is_length else partial(number, digits=4)  # the unit is that of the distance
@@ -537,7 +537,7 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """Score of the value per step, and its scale, if it was requested."""
+    """Return the score of the value per step, and its scale, if it was requested."""
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
@@ -547,8 +547,8 @@ def similarity_in_words(result: Evaluation) -> str:
 
 
 def _curve(result: Evaluation) -> Iterator[str]:
-    """The normalised curve at a few steps, the last one included."""
-    table, bounds = result.table("curve"), result.traced
+    """Yield the normalised curve at a few steps, the last one included."""
+    table, bounds = result.table("curve"), result.curve_bounds
     if bounds is None or not table["t"]:
         return
     met, size = bounds.met(result.gap), len(table["t"])
@@ -558,14 +558,14 @@ def _curve(result: Evaluation) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
     first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
-    each = 13 if first == 13 else 11  # so that long stamps have their place
+    each = 13 if first == 13 else 11  # leaves room for long stamps
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _windows(result: Evaluation) -> Iterator[str]:
-    """Number of windows, and the worst of them."""
-    table, windows = result.table("windows"), result.slid
+    """Yield the number of windows, and the worst of them."""
+    table, windows = result.table("windows"), result.window_bounds
     if windows is None or not table["t_first"]:
         return
     met, size = windows.met(result.gap), len(table["t_first"])
@@ -576,7 +576,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
     title = f"TGOSPA of {counted(size, 'window')} of {windows.size}{every}: {middle}{known}"
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
-    worst = _apart(windows, np.argsort(-value, kind="stable"))
+    worst = _disjoint(windows, np.argsort(-value, kind="stable"))
     names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
     rows = _rooted(table, worst, met, names)
     head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
@@ -591,7 +591,7 @@ def _known(met: Mask) -> str:
 def _rooted(
     table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
-    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    """Return the name, TGOSPA or its upper bound, and parts of the chosen rows."""
     return [
         (
             name,
@@ -602,8 +602,8 @@ def _rooted(
     ]
 
 
-def _apart(spans: Windows, order: Ints) -> list[int]:
-    """The first of some windows of which no two share a step."""
+def _disjoint(spans: Windows, order: Ints) -> list[int]:
+    """Return the first of some windows of which no two share a step."""
     kept: list[int] = []
     for k in order.tolist():
         if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
@@ -613,7 +613,7 @@ def _apart(spans: Windows, order: Ints) -> list[int]:
     return kept
 
 
-def _others(result: Evaluation) -> Iterator[str]:
+def _other_metrics(result: Evaluation) -> Iterator[str]:
     if not result.with_:
         return
     yield from map(clip, text_lines(other_table(result.with_)))
@@ -622,15 +622,15 @@ def _others(result: Evaluation) -> Iterator[str]:
 
 
 def _slices(result: Evaluation) -> Iterator[str]:
-    for slicing in result.sliced:
+    for slicing in result.slicings:
         yield from slices_lines(slicing)
         yield ""
-    for text in about_slices(result.sliced, certified=result.certified):
+    for text in about_slices(result.slicings, certified=result.certified):
         yield from wrap(f"  {text}", "  ")
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Single repairs of the estimate that would save most, if they were requested."""
+    """Yield single repairs of the estimate that would save most, if they were requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -643,7 +643,7 @@ WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst es
 
 
 def _worst(result: Evaluation) -> list[str]:
-    """The worst of each kind by name, on as many lines as they need."""
+    """Return the worst of each kind by name, on as many lines as they need."""
     worst = result.worst(SHOWN)
     rows = [
         (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in worst[kind]))
@@ -654,7 +654,7 @@ def _worst(result: Evaluation) -> list[str]:
 
 
 def _switches(result: Evaluation) -> Iterator[str]:
-    """The first switches."""
+    """Yield the first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
@@ -698,7 +698,7 @@ def _footer(result: Evaluation) -> Iterator[str]:
 
 
 def repair_table(result: Evaluation, explanation: Explanation) -> Table:
-    """A row for each repair."""
+    """Return a row for each repair."""
     repairs = explanation.repairs
     columns = {
         "": [str(rank) for rank in range(1, len(repairs) + 1)],
@@ -711,7 +711,7 @@ def repair_table(result: Evaluation, explanation: Explanation) -> Table:
 
 
 def _saving(result: Evaluation, repair: Repair) -> str:
-    """Saving of a repair: a number, or the proven range if it is wide."""
+    """Format the saving of a repair: a number, or the proven range if it is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
         return number(repair.saving_upper)
@@ -719,7 +719,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """Notes on how the savings are known, and that they do not add up."""
+    """Yield notes on how the savings are known, and that they do not add up."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is known to save anything ({several} tried)"
@@ -729,7 +729,7 @@ def repair_notes(explanation: Explanation) -> Iterator[str]:
 
 
 def explanation_document(explanation: Explanation) -> Document:
-    """Report of the largest costs and the repairs."""
+    """Return the report of the largest costs and the repairs."""
     result = explanation.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
@@ -760,7 +760,7 @@ PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YEL
 
 
 def report(result: Evaluation) -> str:
-    """The text with colours, unless `NO_COLOR` is set."""
+    """Return the text with colours, unless `NO_COLOR` is set."""
     shown = (_styled(result, name, lines) for name, lines in blocks(result).items())
     return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
 
@@ -772,7 +772,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """Lines of a block in its style; most have none."""
+    """Return lines of a block in its style; most have none."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -806,9 +806,9 @@ ROUNDING = 1e-9
 
 
 def association_text(
-    pairing: "Pairing", *, rows: bool = True, most: int = ROWS, rest: str | None = None
+    pairing: "Pairing", *, rows: bool = True, limit: int = ROWS, rest: str | None = None
 ) -> str:
-    """Text of an association: counts, at most so many rows, and the place of the rest."""
+    """Return the text of an association: counts, at most `limit` rows, and where the rest is."""
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
@@ -818,12 +818,12 @@ def association_text(
     ]
     if rows:
         table = list(zip(*pairing.associations_table().values(), strict=True))
-        lines += _aligned(("t", "A", "B", "distance", "of means"), table, most, rest)
+        lines += _aligned(("t", "A", "B", "distance", "of means"), table, limit, rest)
     return "\n".join(lines) + "\n"
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """Overall changes in words; the arguments are parts of the document."""
+    """Return overall changes in words; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],
@@ -848,14 +848,17 @@ def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None
 
 
 def _aligned(
-    head: Sequence[str], rows: Sequence[Sequence[object]], most: int = ROWS, rest: str | None = None
+    head: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    limit: int = ROWS,
+    rest: str | None = None,
 ) -> list[str]:
-    """Aligned columns; of many rows the first ones."""
-    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:most]])
+    """Return aligned columns; of many rows the first ones."""
+    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []
-    if len(rows) > most:
+    if len(rows) > limit:
         where = rest or option("format", "csv")
-        lines.append(f"and {len(rows) - most} more; all of them: {where}")
+        lines.append(f"and {len(rows) - limit} more; all of them: {where}")
     return lines
 
 

@@ -50,7 +50,7 @@ TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def _seen(*errors: Iterable[float | None]) -> bool:
+def _has_errors(*errors: Iterable[float | None]) -> bool:
     """Check whether one of them is more than zero."""
     return any(error is not None and error > FLOOR for each in errors for error in each)
 
@@ -66,7 +66,7 @@ def draw_errors(document: Json, style: Style) -> Figure | None:
         "entropic value": [each.get("error") for each in entropic],
         "its cost, without entropy": [each.get("cost_error") for each in entropic],
     }
-    if document["referee"] is None or len(runs) < 2 or not _seen(*list(lines.values())[:3]):
+    if document["referee"] is None or len(runs) < 2 or not _has_errors(*list(lines.values())[:3]):
         return None
     means = {name: [{"mean": error, "deviation": None} for error in lines[name]] for name in lines}
     return _by_temperature({name: (runs, means[name]) for name in means}, style)
@@ -75,7 +75,7 @@ def draw_errors(document: Json, style: Style) -> Figure | None:
 def _by_temperature(
     lines: Mapping[str, tuple[Sequence[Json], Sequence[Json]]], style: Style, where: str = ""
 ) -> Figure:
-    """Errors over the temperatures of runs, a line for each name."""
+    """Draw errors over the temperatures of runs, a line for each name."""
     made, ((axis,),) = figure(style.width, TALL * style.low)
     for k, (name, (runs, errors)) in enumerate(lines.items()):
         _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, style)
@@ -92,7 +92,7 @@ def draw_time_over_error(document: Json, style: Style) -> Figure | None:
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
-    if not _seen(run["error"] for run in runs):
+    if not _has_errors(run["error"] for run in runs):
         made, ((axis,),) = figure(style.width, (0.3 + 0.1 * len(runs)) * style.low)
         spent = np.array([_spent(run) for run in runs])
         bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
@@ -156,7 +156,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # from one power of ten to another, for there may be none in between
+    # from one power of ten to another, as there may be none in between
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -171,7 +171,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
 
 
 def seconds_axis(which: Axis) -> None:
-    """A logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
+    """Set a logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
     which.axes.set_yscale("log")
     low, high = which.get_view_interval()
     subs = (1, 2, 5) if high < 300 * low else (1,)
@@ -181,7 +181,7 @@ def seconds_axis(which: Axis) -> None:
 
 
 def floored(error: float | None) -> float:
-    """An error that has a logarithm; none is not a number and leaves a hole."""
+    """Return an error that has a logarithm; none is not a number and leaves a hole."""
     return float("nan") if error is None else max(error, FLOOR)
 
 
@@ -200,11 +200,11 @@ def _solved(document: Json) -> bool:
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Error over temperature, a line for each number of targets, at the largest number of steps."""
+    """Draw errors over temperature, a line for each number of targets, at most steps."""
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
     several = len(runs) > len(document["sizes"])
-    if not (_solved(document) and several and _seen(errors)):
+    if not (_solved(document) and several and _has_errors(errors)):
         return None
     longest = max(size["steps"] for size in document["sizes"])
     sizes = [size for size in document["sizes"] if size["steps"] == longest]
@@ -217,26 +217,26 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
-    """Time and error over targets at the most steps, and over steps at the most targets."""
+    """Draw time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
         return None
-    most = {name: max(size[name] for size in sizes) for name in SIZES}
+    largest = {name: max(size[name] for size in sizes) for name in SIZES}
     rows = []
     for varied, fixed in zip(SIZES, SIZES[::-1], strict=True):
-        chosen = [size for size in sizes if size[fixed] == most[fixed]]
+        chosen = [size for size in sizes if size[fixed] == largest[fixed]]
         if len(chosen) > 1:
             rows.append((varied, fixed, sorted(chosen, key=itemgetter(varied))))
     # A panel of errors is drawn where there are some.
     with_errors = any(
-        _seen(run["error"]["max"] for size in chosen for run in size["solvers"])
+        _has_errors(run["error"]["max"] for size in chosen for run in size["solvers"])
         for _, _, chosen in rows
     )
     columns = 2 if with_errors else 1
     made, axes = figure(style.width, (TALL * len(rows) + 0.1) * style.low, len(rows), columns)
     for panels, (varied, fixed, chosen) in zip(axes, rows, strict=True):
         name = "targets m" if varied == "targets" else "time steps T"
-        where = f"{'T' if fixed == 'steps' else 'm'} = {most[fixed]:,}"
+        where = f"{'T' if fixed == 'steps' else 'm'} = {largest[fixed]:,}"
         left = panels[0]
         for k, run in enumerate(chosen[0]["solvers"]):
             runs = [size["solvers"][k] for size in chosen]
@@ -265,7 +265,7 @@ def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> li
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
-        if _seen(error["max"] for error in errors):
+        if _has_errors(error["max"] for error in errors):
             _line(axis, [size[varied] for size in chosen], errors, k, run["name"], FLOOR, style)
         elif any(error["max"] is not None for error in errors):
             exact.append(run["name"])
@@ -277,7 +277,7 @@ def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> li
 
 
 def _ticks(axis: Axes, x: Sequence[float], form: str = "g") -> None:
-    """A logarithmic axis that names these values, and no others."""
+    """Set a logarithmic axis that names these values, and no others."""
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
@@ -289,19 +289,19 @@ def _line(
     values: Sequence[Json],
     k: int,
     name: str,
-    least: float,
+    floor: float,
     style: Style,
 ) -> None:
-    """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
+    """Draw means with a band of one standard deviation, at least `floor`; nothing if all failed."""
     kept = [
-        (at, max(value["mean"], least), value["deviation"] or 0.0)
+        (at, max(value["mean"], floor), value["deviation"] or 0.0)
         for at, value in zip(x, values, strict=True)
         if value["mean"] is not None
     ]
     if not kept:
         return
     x, mean, spread = map(list, zip(*kept, strict=True))
-    low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
+    low = [max(m - s, floor, m / 10) for m, s in zip(mean, spread, strict=True)]
     high = [m + s for m, s in zip(mean, spread, strict=True)]
     looks = line_looks(k, marked=True) | {"ms": style.mark, "label": name, "clip_on": False}
     axis.fill_between(x, low, high, color=looks["color"], alpha=0.15, linewidth=0)
@@ -315,7 +315,7 @@ def _line(
 def draw_cumulative(
     costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
 ) -> Figure | None:
-    """Cost up to each step, a line for each estimate: of times and costs by name."""
+    """Draw the cost up to each step, a line for each estimate: of times and costs by name."""
     times, series = costs_of_steps
     if not any(series.values()):
         return None
@@ -349,7 +349,7 @@ LOGARITHMIC = 0.25
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
-    """Small multiples: the value and the four costs above, counts below the costs.
+    """Draw small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
     """
@@ -392,12 +392,12 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
 # -------------------------------------------------------------------------------------------------
 # Pictures of a batch: values side by side, parts of the costs, curves over steps.
 
-MOST_BARS = 40
+MAX_BARS = 40
 
 PANEL = 0.62
 """Height of one of many panels, of one that is alone."""
 
-MOST_BELOW = 4
+MAX_BELOW = 4
 """Panels one below the other; more are in two columns."""
 
 ROW = 0.21
@@ -421,7 +421,7 @@ def draw_runs(
         old, now = (float(np.mean(totals)) for totals in scenes[name])
         return -abs(now / old - 1)
 
-    names = sorted(scenes, key=change)[:MOST_BARS]
+    names = sorted(scenes, key=change)[:MAX_BARS]
     made, axes = figure(style.width, 1.0 + 1.5 * ROW * len(names))
     axis = axes[0, 0]
     for row, name in enumerate(names):
@@ -440,7 +440,7 @@ def draw_runs(
 
 
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
-    """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
+    """Draw RMS-TGOSPA of runs over time, with bands; a panel for each kind.
 
     Parameters
     ----------
@@ -453,7 +453,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)
-    curves = [(track, curve) for track, curve in tables.drawn_curves if lines[0] in curve.rms]
+    curves = [(track, curve) for track, curve in tables.plotted_curves if lines[0] in curve.rms]
     if not curves:
         return None
     kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
@@ -492,7 +492,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
     """Draw all curves of each group over time in one figure: costs per step, counts, NEES."""
-    curves = [(track, curve) for track, curve in tables.drawn_curves if curve.kind == "step"]
+    curves = [(track, curve) for track, curve in tables.plotted_curves if curve.kind == "step"]
     lines = [
         name
         for name in LINE_NAMES
@@ -500,7 +500,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
     ]
     if not curves:
         return None
-    across = 2 if len(lines) > MOST_BELOW else 1
+    across = 2 if len(lines) > MAX_BELOW else 1
     down = -(-len(lines) // across)
     made, axes = figure(style.width, PANEL * style.low * down, down, across)
     clock, places, ends = on_one_axis([curve for _, curve in curves])
@@ -543,7 +543,7 @@ def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
-    """A line with its band."""
+    """Draw a line with its band."""
     looks = line_looks(track, marked=len(at) == 1)
     looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
@@ -553,9 +553,9 @@ def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -
 
 
 def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """Cost per step of each group, stacked."""
+    """Draw the cost per step of each group, stacked."""
     shown = [(group["name"] or "all jobs", group["costs"]) for group in tables.shown_groups]
-    shown = shown[:MOST_BARS]
+    shown = shown[:MAX_BARS]
     if not shown:
         return None
     orders = tables.rows["order"].dropna().unique()
@@ -587,9 +587,9 @@ def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
     made, ((axis,),) = figure(style.width, 1.3 + high)
     axis.grid(visible=False)
     colours = ListedColormap(heat_shades(LIGHT))
-    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
+    mesh = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
     what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
-    bar = made.colorbar(seen, ticks=[] if heat["scales"] > 1 else None)
+    bar = made.colorbar(mesh, ticks=[] if heat["scales"] > 1 else None)
     own = ", least to largest of the same parameters" if heat["scales"] > 1 else ""
     bar.set_label(what + own, parse_math=False)
     axis.set_ylim(len(values), 0)
@@ -607,7 +607,7 @@ def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _numbers(axis: Axes, heat: Json) -> None:
-    """The value in each cell, bold where it is proven to be the best of its row."""
+    """Write the value in each cell, bold where it is proven to be the best of its row."""
     for k, row in enumerate(heat["cells"]):
         for column, cell in enumerate(row):
             if cell is None:
@@ -620,7 +620,7 @@ def _numbers(axis: Axes, heat: Json) -> None:
 
 
 def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
-    """Names of rows, the first on top, or of columns."""
+    """Name rows, the first on top, or columns."""
     which = axis.yaxis if upright else axis.xaxis
     places = np.arange(len(names)) + 0.5
     which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)

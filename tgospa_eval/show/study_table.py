@@ -33,7 +33,7 @@ COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_r
 INTERVAL = "95 % interval"
 """Head of columns with confidence intervals of the value before them."""
 
-LEAST_P = 1e-4
+MIN_P = 1e-4
 """P values below are shown as such."""
 
 NARROW = 1e-9
@@ -95,18 +95,18 @@ class StudyRow:
         return self.rooted(self.steps)
 
     def rooted(self, steps: float = 1.0) -> Interval:
-        """The root of the total by so many steps."""
+        """Return the root of the total by so many steps."""
         ends = ((end / steps) ** (1 / self.order) for end in (self.total.lower, self.total.upper))
         return Interval(lower=next(ends), upper=next(ends))
 
     def part(self, name: str) -> float:
-        """The root of a part per step."""
+        """Return the root of a part per step."""
         root: float = (self.costs[name] / self.steps) ** (1 / self.order)
         return root
 
 
 def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
-    """Names of columns that there are.
+    """Return names of columns that there are.
 
     Raises
     ------
@@ -128,12 +128,12 @@ def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
 
 
 def value_name(order: float | None, jobs: int) -> str:
-    """The name of the value per step; no `order` where several differ."""
+    """Return the name of the value per step; no `order` where several differ."""
     return "RMS-TGOSPA" if order == 2 and jobs > 1 else "TGOSPA per step"
 
 
 def study_caption(title: str, parameters: Mapping[str, Any]) -> str:
-    """Caption of the table for a paper."""
+    """Return the caption of the table for a paper."""
     about = parameters_of(parameters).replace("gamma", "\u03b3")
     return (
         f"{title} and its parts over runs and time steps{' (' * bool(about)}{about}"
@@ -149,7 +149,7 @@ def study_table(
     requested: Sequence[str] = (),
     caption: str = "",
 ) -> Table:
-    """The table.
+    """Return the table.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ Column = tuple[str, Sequence[str], list[Interval]]
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Column of a name; none if it has no values, unless it is `wanted`."""
+    """Yield the column of a name; none if it has no values, unless it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -244,7 +244,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
 
 
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
-    """A column of the summary, or of another metric.
+    """Return a column of the summary, or of another metric.
 
     What is of the assignment has a best where the values are exact alone.
 
@@ -270,18 +270,18 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
         (low or own in SHARES)
         and all(row.total.upper - row.total.lower <= NARROW * row.total.upper for row in rows)
     )
-    least: list[Interval] = []
+    distances: list[Interval] = []
     if has_best and len(known) == len(values):
-        least = _distinct([_exact(value if low else -value) for value in values])
+        distances = _distinct([_exact(value if low else -value) for value in values])
     head = SHORT_NAMES.get(part, part) if metric else name.replace("_", " ")
-    return head, cells, least
+    return head, cells, distances
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Distance of the values above the least; values that differ by rounding are equal."""
-    least, largest = (end(value.upper for value in values) for end in (min, max))
-    width = DISTINCT * max(abs(least), abs(largest)) or 1.0
-    return [_exact(round((value.upper - least) / width)) for value in values]
+    """Return distances of the values above the smallest; rounding makes no difference."""
+    smallest, largest = (end(value.upper for value in values) for end in (min, max))
+    width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
+    return [_exact(round((value.upper - smallest) / width)) for value in values]
 
 
 def _exact(value: float) -> Interval:
@@ -295,17 +295,17 @@ def _shares(values: Sequence[float]) -> list[str]:
 def _p_value(p: float) -> str:
     if p != p:
         return "-"
-    return f"<{LEAST_P:g}" if p < LEAST_P else f"{p:.2g}"
+    return f"<{MIN_P:g}" if p < MIN_P else f"{p:.2g}"
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Values with as many decimals as all have."""
+    """Return values with as many decimals as all have."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """Value with as many digits as `largest`, or both ends if these differ there."""
+    """Return the value with as many digits as `largest`, or both ends if these differ there."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
@@ -323,7 +323,7 @@ def costs_table(
     rivals: Sequence[Sequence[int]],
     caption: str = "",
 ) -> Table:
-    """TGOSPA, total and parts of a run, means where there are several; in state units^p."""
+    """Return TGOSPA, total and parts of a run, means where there are several; in state units^p."""
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [
         (

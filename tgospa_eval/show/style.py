@@ -32,7 +32,7 @@ LIGHT: Mapping[str, str] = {
     "label": "#ffffff",
     "good": "#17692e",
 }
-"""On white paper."""
+"""Colours on white paper."""
 
 DARK: Mapping[str, str] = {
     "paper": "#14171a",
@@ -51,7 +51,7 @@ DARK: Mapping[str, str] = {
     "label": "#101214",
     "good": "#73d28d",
 }
-"""On a dark screen."""
+"""Colours on a dark screen."""
 
 TRACK_COLOURS = (
     "#2569a8",
@@ -67,7 +67,7 @@ TRACK_COLOURS = (
     "#00766d",
     "#975c9f",
 )
-"""Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
+"""Colours of estimates, in turn, on white: neighbours differ in hue; white letters are legible."""
 
 DARK_TRACK_COLOURS = (
     "#79b6f4",
@@ -87,7 +87,7 @@ DARK_TRACK_COLOURS = (
 
 
 def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
-    """Declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
+    """Return declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
     named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
     return " ".join(f"--{name}: {colour};" for name, colour in named.items())
 
@@ -96,14 +96,14 @@ HEAT_LEVELS = 9
 """Shades from paper on."""
 
 _DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
-"""How much of the full colour the darkest shade has: letters are legible on it."""
+"""Share of the full colour in the darkest shade: letters are legible on it."""
 
 
 def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
-    """Shades of one colour, from little to much."""
+    """Return shades of one colour, from little to much."""
     paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
-    most = _DARKEST[colours["paper"]]
-    shares = (most * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
+    darkest = _DARKEST[colours["paper"]]
+    shares = (darkest * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
     return tuple(
         "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(paper, full, strict=True))
         for share in shares
@@ -118,7 +118,7 @@ DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10
 
 
 def line_looks(k: int, *, marked: bool = False) -> dict[str, Any]:
-    """Colour and dashes of the k-th line, which differ in grey too; with its marker if `marked`."""
+    """Return colour and dashes of the k-th line, which differ in grey; and a marker if `marked`."""
     marker = {"marker": MARKERS[k % len(MARKERS)]} if marked else {}
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], **marker}
 
@@ -231,10 +231,10 @@ FILLS: Mapping[str, dict[str, Any]] = {
     "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
     "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
 }
-"""Of the parts of the cost, distinguished by their patterns where there are no colours."""
+"""Fills of the parts of the cost, distinguished by patterns where there are no colours."""
 
-NOT_JUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
-"""Of stretches of which nothing is judged, over whatever else is there."""
+UNJUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
+"""Looks of stretches of which nothing is judged, over whatever else is there."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},

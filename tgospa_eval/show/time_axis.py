@@ -12,9 +12,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
-"""How much longer than its steps a recording may be to be drawn to scale."""
+"""Ratio of a recording to the sum of its steps up to which it is drawn to scale."""
 
-USUAL = 0.9
+TYPICAL_QUANTILE = 0.9
 """Quantile of the gaps that counts as one between neighbours."""
 
 DAY = 86_400.0
@@ -22,8 +22,8 @@ WHOLE = 2.0**53
 """Below this whole numbers differ in a browser."""
 
 
-def moments(times: Sequence[Time]) -> Json:
-    """Description of the time axis for the document of the page.
+def describe_times(times: Sequence[Time]) -> Json:
+    """Describe the time axis for the document of the page.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def moments(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Times as they were read; numbers beyond the exact ones of a browser become texts."""
+    """Return times as they were read; numbers that a browser cannot hold exactly become texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -69,18 +69,18 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
     return "date", first.strftime("%Y-%m-%d"), seconds
 
 
-def _usual(values: Floats) -> tuple[Floats, float]:
-    """Gaps between steps, and how long they usually are."""
+def _typical_gap(values: Floats) -> tuple[Floats, float]:
+    """Return gaps between steps, and how long they usually are."""
     gaps = np.diff(values / 2) * 2 if len(values) > 1 else np.ones(1)
-    return gaps, float(np.quantile(gaps, USUAL, method="lower"))
+    return gaps, float(np.quantile(gaps, TYPICAL_QUANTILE, method="lower"))
 
 
 def uneven(values: Floats) -> bool:
     """Check whether gaps would take most of an axis, or values do not grow."""
-    gaps, usual = _usual(values)
+    gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
-    return bool(gaps.sum() > UNEVEN * usual * len(gaps))
+    return bool(gaps.sum() > UNEVEN * typical * len(gaps))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class TimeAxis:
     times : sequence of int, float or str
         Of all steps, as they were read.
     axis : dict
-        How they are drawn, by `moments`.
+        How they are drawn, by `describe_times`.
     """
 
     times: Sequence[Time]
@@ -113,8 +113,8 @@ class TimeAxis:
 
     @classmethod
     def of(cls, times: Sequence[Time]) -> "TimeAxis":
-        """The axis of times as they were read."""
-        return cls(times=times, axis=moments(times))
+        """Return the axis of times as they were read."""
+        return cls(times=times, axis=describe_times(times))
 
     @cached_property
     def labels(self) -> list[str]:
@@ -136,8 +136,8 @@ class TimeAxis:
         """
         if not len(self.at):
             return self.at, self.at
-        gaps, usual = _usual(self.at)
-        near = np.where(gaps > 2 * usual, usual, gaps) / 2
+        gaps, typical = _typical_gap(self.at)
+        near = np.where(gaps > 2 * typical, typical, gaps) / 2
         if len(self.at) == 1:
             return self.at - near, self.at + near
         before, after = np.append(near[:1], near), np.append(near, near[-1:])
@@ -153,7 +153,7 @@ class TimeAxis:
         return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
 
     def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
-        """Places of ticks, their names, and the name of the axis; `room` is for characters."""
+        """Return places and names of ticks, and the name of the axis; `room` is for characters."""
         if len(self.labels) == 1:
             return [(low + high) / 2], list(self.labels), "time"
         make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
@@ -174,7 +174,7 @@ class TimeAxis:
         origin = datetime.fromisoformat(self.axis["origin"])
         try:
             times = [origin + timedelta(seconds=at) for at in (*places, low, high)]
-        except OverflowError:  # beyond the year 9999
+        except OverflowError:  # years beyond 9999
             return self._steps(low, high, count)
         one_day, one_year = (len({time.strftime(form) for time in times}) == 1 for form in FORMS)
         form = "" if one_day else "%m-%d " if one_year else "%Y-%m-%d "
@@ -188,7 +188,7 @@ class TimeAxis:
         return places, names, f"time{suffix}"
 
     def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Steps at round distances, evenly spaced."""
+        """Return steps at round distances, evenly spaced."""
         first, last = max(math.ceil(low), 0), min(math.floor(high), len(self.labels) - 1)
         if last - first < count:
             steps = list(range(first, last + 1))
@@ -210,7 +210,7 @@ def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str
 
 
 def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
-    """Places of ticks in seconds, and how far they are apart."""
+    """Return places of ticks in seconds, and how far they are apart."""
     raw = (high - low) / count * (1 - 1e-9)
     if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
         places = nice(low, high, count)

@@ -62,8 +62,8 @@ class Scene:
         ):
             if value not in known:
                 raise ConfigError(f"{name} is {quoted(value)}: must be one of {', '.join(known)}")
-        for name, least in (("targets", 0), ("steps", 1), ("particles", 1)):
-            whole_number(name, getattr(self, name), least, LARGEST_COUNT)
+        for name, minimum in (("targets", 0), ("steps", 1), ("particles", 1)):
+            whole_number(name, getattr(self, name), minimum, LARGEST_COUNT)
         if self.targets * self.steps > LARGEST_COUNT:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
@@ -77,7 +77,7 @@ ERROR_RANGES = {
     **dict.fromkeys(("detection", "merges", "swaps", "fragmentation"), (0.0, 1.0)),
     "false_rate": (0.0, 1e6),
 }
-"""Least and most of errors that are real numbers."""
+"""Limits of errors that are real numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +199,7 @@ def simulate(
 def _tracks(
     truth: Floats, scene: Scene, tracker: Tracker, streams: list[np.random.Generator]
 ) -> Floats:
-    """Tracks that the tracker reports of the targets."""
+    """Return tracks that the tracker reports of the targets."""
     for_merges, for_noise, for_misses, for_swaps, for_losses = streams
     meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
     states = errors.confirm_late(truth, tracker.confirmation)
@@ -215,7 +215,7 @@ def _tracks(
 
 
 def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Floats:
-    """Centres (T, k, 2) to boxes (T, k, 4) as centre and size."""
+    """Turn centres (T, k, 2) into boxes (T, k, 4) as centre and size."""
     height = rng.uniform(area / 20, area / 8, centres.shape[1])
     size = np.stack((0.4 * height, height), axis=-1)
     return np.concatenate((centres, np.where(np.isnan(centres), np.nan, size)), axis=-1)
@@ -224,7 +224,7 @@ def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Float
 def _trajectories(
     states: Floats, scene: Scene, tracker: Tracker, decimals: int, before: int
 ) -> Trajectories:
-    """Rounded and named; boxes from centre and size to corner and size."""
+    """Round and name trajectories; boxes go from centre and size to corner and size."""
     columns = COLUMNS[scene.state]
     covariance = None
     if states.shape[2] == len(columns) + 3:
@@ -232,7 +232,7 @@ def _trajectories(
         digits = 5 - math.floor(math.log10(tracker.noise or 1.0)) * 2
         covariance = np.round(packed, digits)[..., [[0, 1], [1, 2]]]
     if scene.state == "box":
-        size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
+        size = np.maximum(states[..., 2:], scene.area / 100)  # a box keeps a size in spite of noise
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
     existing = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
     tracks = Trajectories.from_array(
@@ -246,7 +246,9 @@ def _trajectories(
 
 def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
     """Check that these fields are real numbers within their limits."""
-    for name, (least, most) in ranges.items():
+    for name, (minimum, maximum) in ranges.items():
         value = real_number(option(name), getattr(record, name))
-        if not least <= value <= most:
-            raise ConfigError(f"{option(name)} is {value:g}: must be from {least:g} to {most:g}")
+        if not minimum <= value <= maximum:
+            raise ConfigError(
+                f"{option(name)} is {value:g}: must be from {minimum:g} to {maximum:g}"
+            )

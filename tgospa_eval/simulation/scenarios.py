@@ -15,7 +15,7 @@ Ints = NDArray[np.int64]
 
 
 def encounters(truth: Floats, near: float) -> Ints:
-    """All encounters of two targets, as long as each lasts.
+    """Return all encounters of two targets, as long as each lasts.
 
     Parameters
     ----------
@@ -30,12 +30,12 @@ def encounters(truth: Floats, near: float) -> Ints:
         First and second target, step of the begin and after the end, step at which they are
         closest; sorted by (begin, first, second).
     """
-    from scipy.spatial import cKDTree  # memory and time as the near pairs, not as all pairs
+    from scipy.spatial import cKDTree  # memory and time are those of near pairs, not of all pairs
 
     pairs = [np.zeros((0, 2), np.int64)]
     for position in truth[..., :2]:
         present = np.flatnonzero(~np.isnan(position[:, 0]))
-        # Made in half the time of a balanced one, and searched as fast.
+        # Built in half the time of a balanced tree, and searched as fast.
         tree = cKDTree(position[present], balanced_tree=False, compact_nodes=False)
         pairs.append(present[tree.query_pairs(near, output_type="ndarray")])
     first, second = np.sort(np.concatenate(pairs), axis=1).T
@@ -66,7 +66,7 @@ LEG = 10
 
 
 def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Straight lines that meet in the middle at half time.
+    """Return straight lines that meet in the middle at half time.
 
     x_i(u) = A/2 + o_i + 0.4 A u (cos a_i, sin a_i), u from -1 to 1; offsets o_i uniform in
     [-A/40, A/40]^2, directions a_i = 2 pi (i + U[0, 1]) / m.
@@ -79,7 +79,7 @@ def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Lanes with distance A / (m + 1), all at one speed.
+    """Return lanes with distance A / (m + 1), all at one speed.
 
     x_i(u) = A (s_i + 0.8 u), y_i = A (i + 1) / (m + 1), u from 0 to 1; starts s_i uniform in
     [0, 0.2].
@@ -91,7 +91,7 @@ def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """One behind another on a winding road, g = min(A/20, 0.3 A/m) apart.
+    """Return tracks one behind another on a winding road, g = min(A/20, 0.3 A/m) apart.
 
     x_i(u) = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
     y_i = A/2 + A/5 sin(2 pi x_i / A + phi), phi uniform.
@@ -105,7 +105,7 @@ def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 
 
 def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Random walkers that fill the square and turn back at its sides.
+    """Return random walkers that fill the square and turn back at its sides.
 
     Steps N(0, (A/100)^2) at first, changed by N(0, (A/500)^2) at every step.
     """
@@ -116,7 +116,7 @@ def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Fl
 
 
 def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Straight lines of targets that are born and die.
+    """Return straight lines of targets that are born and die.
 
     Lifetimes uniform in {ceil(T/4), ..., T}, births uniform in what that leaves; steps
     N(0, (A/100)^2).
@@ -131,7 +131,7 @@ def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 
 
 def manoeuvring(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Constant speed A/100; every 10 steps straight on, or a turn by 90 degrees left or right."""
+    """Return tracks at speed A/100; every 10 steps straight on, or a turn by 90 degrees."""
     legs = rng.integers(-1, 1, (-(-steps // LEG), targets), endpoint=True)
     turn = np.repeat(legs * (np.pi / 2 / LEG), LEG, axis=0)[:steps]
     heading = rng.uniform(0, 2 * np.pi, targets) + np.cumsum(turn, axis=0)
@@ -150,12 +150,12 @@ SCENARIOS: dict[str, Scenario] = {
 
 
 def _progress(steps: int) -> Floats:
-    """Share of the time that has gone, 0 to 1, (T, 1, 1)."""
+    """Return the share of the time that has gone, 0 to 1, (T, 1, 1)."""
     return np.linspace(0, 1, steps)[:, None, None]
 
 
 def _walk(velocity: Floats, area: float, rng: np.random.Generator) -> Floats:
-    """Positions from a uniform start, reflected at the sides of the square.
+    """Return positions from a uniform start, reflected at the sides of the square.
 
     Reflection at both sides is a triangle wave of the unbounded position z:
     A - |z mod 2A - A|.

@@ -17,7 +17,7 @@ from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
 
 DECIMALS = 5
-"""Of positions: machines whose sums differ in the last digit still make the same files."""
+"""Decimals of positions: machines whose sums differ in the last digit make the same files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,22 +144,22 @@ def run_setting(
 
 
 def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
-    """Positions (T, m, 2), NaN where a target does not exist."""
+    """Return positions (T, m, 2), NaN where a target does not exist."""
     count, middle = len(setting.alive), (setting.steps + 1) // 2
     motion = np.array([[1.0, 1.0], [0.0, 1.0]])
     back = np.linalg.inv(motion)
     root = np.sqrt(setting.motion) * np.linalg.cholesky(np.array([[1 / 3, 1 / 2], [1 / 2, 1]]))
 
-    def drawn() -> Floats:
-        """Random change of position and velocity of each target and coordinate, (m, 2, 2)."""
+    def sample() -> Floats:
+        """Return random changes of position and velocity of each target, (m, 2, 2)."""
         return np.asarray(rng.standard_normal((count, 2, 2)) @ root.T)
 
     start = np.sqrt(setting.spread) * rng.standard_normal((count, 2, 2))
     start[..., 0] += setting.centre
     forward, backward = [start], [start]
     for _ in range(setting.steps - middle):
-        forward.append(forward[-1] @ motion.T + drawn())
-        backward.append((backward[-1] + drawn()) @ back.T)
+        forward.append(forward[-1] @ motion.T + sample())
+        backward.append((backward[-1] + sample()) @ back.T)
     states: Floats = np.array(backward[:0:-1] + forward)[..., 0]
     for target, (first, last) in enumerate(setting.alive):
         states[: first - 1, target] = states[last:, target] = np.nan
@@ -175,12 +175,12 @@ def _named(states: Floats, first: int) -> Trajectories:
 # -------------------------------------------------------------------------------------------------
 # ``simulate`` of Python: the scene that the command makes of the same settings.
 
-USUAL_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
+DEFAULT_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
 """Errors of a tracker that nobody chose; noise and near depend on the area."""
 
 
-def usual_tracker(area: float, errors: dict[str, Any]) -> Tracker:
-    """A tracker with these errors, the others as usual in a square of this side.
+def default_tracker(area: float, errors: dict[str, Any]) -> Tracker:
+    """Return a tracker with these errors, the others by default in a square of this side.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def usual_tracker(area: float, errors: dict[str, Any]) -> Tracker:
     for name in errors:
         if name not in names:
             raise ConfigError(f"no error of a tracker {name!r}; there are {', '.join(names)}")
-    return Tracker(**{"noise": area / 200, "near": area / 20} | USUAL_ERRORS | errors)
+    return Tracker(**{"noise": area / 200, "near": area / 20} | DEFAULT_ERRORS | errors)
 
 
 def simulate(
@@ -205,7 +205,7 @@ def simulate(
     seed: int = 0,
     **errors: Any,
 ) -> tuple[Trajectories, Trajectories]:
-    """A ground truth and a tracker's estimate of it, as ``tgospa-eval simulate`` makes them.
+    """Make a ground truth and a tracker's estimate of it, as ``tgospa-eval simulate`` does.
 
     Parameters
     ----------
@@ -233,4 +233,4 @@ def simulate(
     scene = Scene(
         scenario=scenario, targets=targets, steps=steps, area=area, state=state, particles=particles
     )
-    return simulate_scene(scene, usual_tracker(scene.area, errors), np.random.default_rng(seed))
+    return simulate_scene(scene, default_tracker(scene.area, errors), np.random.default_rng(seed))

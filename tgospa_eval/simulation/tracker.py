@@ -15,25 +15,27 @@ WIDER = 1.5
 """Standard deviation from which particles are drawn, over that of the Gaussian they stand for."""
 
 LARGEST_DEVIATE = 2.6
-"""Of the coordinates drawn, in standard deviations: beyond, weights would be next to nothing."""
+"""Largest deviate drawn, in standard deviations: beyond, weights would be next to nothing."""
 
 
 def particle_clouds(
     centres: Floats, noise: float, count: int, decimals: int, rng: np.random.Generator
 ) -> Clouds:
-    """Clouds that stand for Gaussians around the centres (R, d), with a deviation of `noise`.
+    """Return clouds that stand for Gaussians around the centres (R, d), of deviation `noise`.
 
     Particles are drawn from a wider Gaussian and weighted with the ratio of the densities.
     Positions are rounded to so many decimals; weights are short decimals that sum to 1.
     """
     rows, size = centres.shape
-    drawn = rng.standard_normal((rows, count, size)).clip(-LARGEST_DEVIATE, LARGEST_DEVIATE) * WIDER
-    ratio = np.exp(-0.5 * (1 - WIDER**-2) * (drawn**2).sum(axis=-1))
+    deviates = (
+        rng.standard_normal((rows, count, size)).clip(-LARGEST_DEVIATE, LARGEST_DEVIATE) * WIDER
+    )
+    ratio = np.exp(-0.5 * (1 - WIDER**-2) * (deviates**2).sum(axis=-1))
     unit = 10 ** (len(str(count)) + 4)
     shares = np.floor(unit * ratio / ratio.sum(axis=1, keepdims=True))
     # The remainder of rounding down goes to the heaviest.
     shares[np.arange(rows), shares.argmax(axis=1)] += unit - shares.sum(axis=1)
-    points = np.round(centres[:, None] + noise * drawn, decimals)
+    points = np.round(centres[:, None] + noise * deviates, decimals)
     return Clouds(
         points=points.reshape(-1, size),
         weights=(shares / unit).ravel(),
@@ -46,12 +48,12 @@ Ints = NDArray[np.int64]
 
 def confirm_late(states: Floats, delay: int) -> Floats:
     """Leave out the first `delay` steps of every track."""
-    seen = np.cumsum(~np.isnan(states[..., 0]), axis=0)
-    return np.where((seen > delay)[..., None], states, np.nan)
+    age = np.cumsum(~np.isnan(states[..., 0]), axis=0)
+    return np.where((age > delay)[..., None], states, np.nan)
 
 
 def merge(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
-    """In an encounter, with this probability, report one track for the two targets.
+    """Merge the tracks of two targets in an encounter, with this probability.
 
     For as long as it lasts the first of the two is at the mean of both, the second is silent. A
     track merges with one other at a time: the encounter that begins first.
@@ -76,7 +78,7 @@ def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Flo
 
 
 def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
-    """Covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
+    """Return covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
 
     C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and v
     across it: the error along the line of sight is S / 2, across it grows with the range.
@@ -97,7 +99,7 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Positions (T, n, 2) to Gaussians (T, n, 5): the mean off by a draw from its covariance."""
+    """Turn positions (T, n, 2) into Gaussians (T, n, 5): the mean is drawn by its covariance."""
     packed = covariance_of_a_radar(states, deviation, area)
     xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
@@ -119,11 +121,11 @@ def miss(states: Floats, detection: float, rng: np.random.Generator) -> Floats:
 
 
 def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
-    """In an encounter, with this probability, exchange the two tracks from its closest step on."""
+    """Exchange the two tracks of an encounter from its closest step on, with this probability."""
     chosen = meetings[rng.random(len(meetings)) < probability]
     chosen = chosen[np.argsort(chosen[:, 4], kind="stable")]
-    track = np.arange(states.shape[1])  # of each target, from one swap to the next
-    target = track.copy()  # of each track
+    track = np.arange(states.shape[1])  # the track of each target, from one swap to the next
+    target = track.copy()  # the target of each track
     swapped = np.empty_like(states)
     done = 0
     for first, second, _, _, closest in chosen.tolist():
@@ -136,7 +138,7 @@ def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Gene
 
 
 def fragment(states: Floats, probability: float, gap: int, rng: np.random.Generator) -> Floats:
-    """At each reported step, with this probability, lose the track.
+    """Lose the track at each reported step, with this probability.
 
     It is silent from that step on for `gap` steps, and then goes on under a new number: in a new
     column, after those that are there. The first step of a track is never lost.
@@ -175,7 +177,7 @@ def lag(states: Floats, steps: int) -> Floats:
 def false_tracks(
     steps: int, rate: float, length: tuple[int, int], area: float, rng: np.random.Generator
 ) -> Floats:
-    """Tracks of nothing, (T, f, 2).
+    """Return tracks of nothing, (T, f, 2).
 
     At every step Poisson(`rate`) of them begin. Lengths are uniform in {length[0], ..., length[1]}
     and end with the recording; the start is uniform in the square, the way a straight line with

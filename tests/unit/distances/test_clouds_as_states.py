@@ -679,14 +679,14 @@ def test_the_folder_of_an_association(write: Write, invoke: Run, tmp_path: Path)
 def test_what_is_drawn_of_an_association(tmp_path: Path) -> None:
     """Costs by step and by track are the sum that was minimised; particles and pairs are there."""
     found = associate(scene(0), scene(1), cutoff=9.0, distance="cloud-wasserstein")
-    data = found.drawn.document
+    data = found.plot_data.document
     assert sum(map(sum, data["costs"].values())) == pytest.approx(found.total, rel=1e-6)
     tables = data["tracks"]
     lost = [sum(tables[side]["unassigned"]) for side in ("truth", "estimate")]
     paired = sum(tables["truth"]["localisation"])
     assert paired + sum(lost) == pytest.approx(found.total, rel=1e-6)
-    assert [len(side.unassigned) for side in found.drawn.sides] == list(found.unassigned)
-    for side, held in zip(found.drawn.sides, (scene(0), scene(1)), strict=True):
+    assert [len(side.unassigned) for side in found.plot_data.sides] == list(found.unassigned)
+    for side, held in zip(found.plot_data.sides, (scene(0), scene(1)), strict=True):
         several = held.clouds.counts[held.clouds.counts > 1].sum()
         assert len(side.particles["row"]) <= several  # equal ones once, if they are thinned
         assert len(side.particles["row"]) == several
@@ -736,7 +736,7 @@ def test_a_gate_is_where_the_distance_of_means_is_the_cutoff(
     place, spread = np.array([[[10.0, 20.0]]]), {"covariance": C} if gaussian else {}
     a = Trajectories.from_array(place, **spread)
     found = associate(a, a, cutoff=cutoff, distance=distance)
-    seen = found.drawn
+    seen = found.plot_data
     plane = Plane(seen=seen, across="x", up="y", style=STYLES["screen"])
     power = seen.document["gate"]["power"] or np.inf
     outline = ellipses(plane.places["truth"], plane.gates, power)[0]

@@ -60,7 +60,7 @@ class Plain:
             raise engines.DiedError
         return future.answer
 
-    def look(self) -> None:
+    def poll(self) -> None:
         raise AssertionError("nothing is waited for")
 
 

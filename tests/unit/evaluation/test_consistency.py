@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval import Trajectories, evaluate
-from tgospa_eval.evaluation.consistency import apart, ranks, squared
+from tgospa_eval.evaluation.consistency import ranks, shortest_differences, squared
 from tgospa_eval.problem.solution import AssignedPairs
 from tgospa_eval.results.consistency import NeesSums, nees_sums
 from tgospa_eval.tracks import covariances
@@ -72,7 +72,7 @@ def test_the_truth_has_errors_of_its_own() -> None:
 
 
 def test_periodic_components_are_compared_the_shorter_way_round() -> None:
-    found = apart(np.array([[350.0, 350.0], [10.0, -10.0]]), [360.0, np.inf])
+    found = shortest_differences(np.array([[350.0, 350.0], [10.0, -10.0]]), [360.0, np.inf])
     assert found.tolist() == [[-10.0, 350.0], [10.0, -10.0]]
 
 

@@ -10,7 +10,7 @@ from strategies import scene
 
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.evaluation.curve import ContinuedPrefixes, SeparateStretches, trace
+from tgospa_eval.evaluation.curve import SeparateStretches, SuffixSolver, trace
 from tgospa_eval.problem.prefixes import Cells
 from tgospa_eval.problem.states import merge_runs, repair
 
@@ -53,15 +53,15 @@ def test_endings_prove_what_whole_beginnings_do(
     solution = Certified()(states, Stopwatch())
     weights = repair(states, solution.weights)
     asked: list[tuple[type, int]] = []
-    for kind in (ContinuedPrefixes, SeparateStretches):
+    for kind in (SuffixSolver, SeparateStretches):
 
         def solve(self: Any, *given: Any, kind: type, true: Any) -> Any:
-            asked.append((kind, len(self.cut.block if kind is SeparateStretches else given[0])))
+            asked.append((kind, len(self.joint.block if kind is SeparateStretches else given[0])))
             return true(self, *given)
 
         monkeypatch.setattr(kind, "solve", partialmethod(solve, kind=kind, true=kind.solve))
     few = trace(states, weights, solution.prices, Certified())
-    assert sum(count for kind, count in asked if kind is ContinuedPrefixes) > 5
+    assert sum(count for kind, count in asked if kind is SuffixSolver) > 5
     asked.clear()
     monkeypatch.setattr("tgospa_eval.evaluation.curve.SPAN", 1000)
     whole = trace(states, weights, solution.prices, Certified())

@@ -177,7 +177,7 @@ def test_sums_join_as_trackeval_joins(tmp_path: Path) -> None:
         )
         prepared = prepare(fit(*sides, asked), asked, stopwatch=Stopwatch())
         others = other_metrics(prepared, tuple(metrics), Resources(jobs=1, stopwatch=Stopwatch()))
-        whole.append(others.found)
+        whole.append(others.by_name)
         kept = json.loads(json.dumps(others.sums()))
         stored.append(of_sums(kept, metrics, others.zero))
     found = joined(stored)

@@ -115,9 +115,9 @@ def test_the_last_window_ends_with_the_last_step() -> None:
     ]
     assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(2))] == [[0], [1]]
     assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(0))] == [[], []]
-    assert Sliding.asked(5, None) == Sliding(size=5, every=2)
-    assert Sliding.asked(1, None) == Sliding(size=1, every=1)
-    assert Sliding.asked(None, None) is None
+    assert Sliding.of_options(5, None) == Sliding(size=5, every=2)
+    assert Sliding.of_options(1, None) == Sliding(size=1, every=1)
+    assert Sliding.of_options(None, None) is None
 
 
 @pytest.mark.parametrize(
@@ -300,7 +300,7 @@ def test_what_is_not_exact_is_told_as_a_bound(
         )
         for name, side in zip(names, sides, strict=True)
     ]
-    monkeypatch.setattr(SeparateStretches, "solve", lambda self, *_: self.held())
+    monkeypatch.setattr(SeparateStretches, "solve", lambda self, *_: self.of_whole())
     answer = invoke(*files, "-c", "5", "-g", "2", "--window", "6")
     assert answer.status == 4
     assert "4 of them upper bounds" in " ".join(answer.out.split())

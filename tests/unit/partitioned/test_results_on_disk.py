@@ -76,7 +76,7 @@ def test_numbers_tables_and_texts_are_those_of_the_result_in_memory(
 def test_what_has_too_many_records_is_named_in_the_json_and_no_more(
     stored: Any, invoke: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    most = "tgospa_eval.results.partitioned.MOST_RECORDS"
+    most = "tgospa_eval.results.partitioned.MAX_RECORDS"
     monkeypatch.setattr(most, 59)
     document = json.loads(stored.to_json())
     assert "per_step" not in document
@@ -120,7 +120,7 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(folders: tuple[str, str]
 def test_page_and_pictures_show_means_over_stretches_of_steps(
     stored: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plot_data, "MOST_STRETCHES", 8)
+    monkeypatch.setattr(plot_data, "MAX_STRETCHES", 8)
     made = plot_data.plot_data(stored)
     data, arrays = made.document, made.arrays
     assert data["together"] == 8

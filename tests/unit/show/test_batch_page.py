@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.results.records import Json, Time
-from tgospa_eval.show.batch import MOST_SQUARES, RmsCurve, heat_of, on_one_axis
+from tgospa_eval.show.batch import MAX_SQUARES, RmsCurve, heat_of, on_one_axis
 from tgospa_eval.show.rendering import first_names, order_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.show.time_axis import nice
@@ -108,12 +108,12 @@ def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
 
 def test_of_many_rows_those_that_lose_most_are_shown() -> None:
     values: dict[tuple[str, str], float | None] = {
-        (f"{k}", "a"): float(k) for k in range(MOST_SQUARES + 200)
+        (f"{k}", "a"): float(k) for k in range(MAX_SQUARES + 200)
     }
     values["7", "a"] = None
     made = heat(values)
     assert made["squares"]
-    assert (len(made["rows"]), made["hidden_rows"]) == (MOST_SQUARES, 200)
+    assert (len(made["rows"]), made["hidden_rows"]) == (MAX_SQUARES, 200)
     assert made["rows"][0] == "7"  # it failed
     assert made["rows"][1] == "201"
     assert made["ends"] is not None

@@ -14,7 +14,7 @@ from tgospa_eval.show.style import STYLES, styled
 def drawn(kind: str, subject: object, name: str = "screen") -> dict:
     """By name all pictures that show something."""
     with styled(name) as style:
-        made = {n: Pictures().drawn(chart, subject, style) for n, chart in CHARTS[kind].items()}
+        made = {n: Pictures().draw(chart, subject, style) for n, chart in CHARTS[kind].items()}
     return {name: figure for name, figure in made.items() if figure is not None}
 
 

@@ -18,7 +18,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, contradiction, unlike
+from tgospa_eval.results.saved import EVALUATED_ON, NEES_RECORD, PARAMETERS, contradiction, unlike
 from tgospa_eval.results.summary import SUMMARY, names_summary
 from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import (
@@ -44,7 +44,7 @@ class Measured:
         Of the metric, in state units.
     parameters : mapping
         As in the JSON of a result.
-    judged : mapping
+    evaluated_on : mapping
         What it was judged on, as in the JSON of a result.
     estimate : str
         Digest of the estimate.
@@ -64,7 +64,7 @@ class Measured:
     classes: Mapping[str, Mapping[str, Value]]
     bounds: tuple[float, float]
     parameters: Mapping[str, object]
-    judged: Mapping[str, Any]
+    evaluated_on: Mapping[str, Any]
     estimate: str
     version: str
     status: str
@@ -79,13 +79,13 @@ class Measured:
 
     @property
     def relative_gap(self) -> float:
-        """Of the total."""
+        """Width of the bracket, relative to the total."""
         total = self.values["total"]
         return (total.upper - total.lower) / total.upper if total.upper > 0 else 0.0
 
     @property
     def remedy(self) -> str:
-        """Which option makes the bracket narrower, by how the solver ended."""
+        """Option that narrows the bracket, by how the solver ended."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
             return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
@@ -116,7 +116,7 @@ ROUNDING_GAP = 1e-9
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
-    """Values that rules can name, with their brackets.
+    """Return values that rules can name, with their brackets.
 
     Parameters
     ----------
@@ -132,18 +132,18 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
         "tgospa": (numbers["lower_bound"], tgospa, 1.0),
         "normalised.tgospa": (share * numbers["lower_bound"] * (1 - 2.0**-50), normalised, 1.0),
     }
-    found: dict[str, Value] = {
+    values: dict[str, Value] = {
         path: Value(lower=low, upper=high, proven=True, unit=unit)
         for path, (low, high, unit) in brackets.items()
     }
     for path in SPLIT:
         unit = 1.0 if path.startswith("counts.") else scale
-        found[path] = Value.of(numbers[path], unit)
-    return found
+        values[path] = Value.of(numbers[path], unit)
+    return values
 
 
 def measured(row: Row) -> Measured:
-    """What a gate judges of a row.
+    """Return the values of a row that a gate checks.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def measured(row: Row) -> Measured:
         classes={name: values_of(part, scale) for name, part in row.get("classes", {}).items()},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=parameters,
-        judged=coverage_of(row),
+        evaluated_on=coverage_of(row),
         estimate=row.get(ESTIMATE_DIGEST, ""),
         version=row["version"],
         status=row["message"],
@@ -169,13 +169,13 @@ def measured(row: Row) -> Measured:
 
 
 def nees_values(nees: NeesSums | None) -> dict[str, Value]:
-    """Those that rules can name."""
+    """Return the values of NEES that rules can name."""
     numbers = {} if nees is None else nees.numbers()
     return {path: Value.of(value) for path, value in numbers.items()}
 
 
 def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
-    """Those of the summary, by path; what is not defined is left out."""
+    """Return the values of the summary by path, without those that are not defined."""
     known = {path: value for path, value in numbers.items() if names_summary(path)}
     return {
         p: Value.of(value) for p, value in known.items() if value is not None and value == value
@@ -197,14 +197,14 @@ from it, the split, `lower_bound`; those of classes under `by_class`), `options`
 `parameters` that change the number, `judged`, the `version` of the program, and `labels`; and of
 earlier nights the values, the newest first, under `nights`."""
 
-MOST_NIGHTS = 10
+MAX_NIGHTS = 10
 """Values that an entry keeps at most."""
 
 
 def make_entry(
     now: Measured, options: Mapping[str, object], labels: Mapping[str, str] | None = None
 ) -> Json:
-    """What a baseline keeps of a result that was made with these options.
+    """Return what a baseline keeps of a result that was made with these options.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def make_entry(
         "values": values,
         "options": dict(options),
         "parameters": now.parameters,
-        "judged": now.judged,
+        "judged": now.evaluated_on,
         "estimate_sha256": now.estimate,
         "version": now.version,
         **({"labels": dict(labels)} if labels else {}),
@@ -236,7 +236,7 @@ def make_entry(
 
 
 def with_nights(entry: Json, before: Json | None) -> Json:
-    """An entry, and the values of the nights before it; alone where these are of something else.
+    """Add the values of earlier nights to an entry, unless they are of other data.
 
     The same estimate again is no further night: what it would add is a spread of zero.
     """
@@ -245,17 +245,17 @@ def with_nights(entry: Json, before: Json | None) -> Json:
     if incomparable({"now": entry["judged"], "before": before["judged"]}):
         return entry
     same = entry["estimate_sha256"] and entry["estimate_sha256"] == before.get("estimate_sha256")
-    nights = nights_of(before)[1 if same else 0 :][: MOST_NIGHTS - 1]
+    nights = nights_of(before)[1 if same else 0 :][: MAX_NIGHTS - 1]
     return entry | ({"nights": nights} if nights else {})
 
 
 def nights_of(entry: Json) -> list[Json]:
-    """The values of each night that an entry keeps, the newest first."""
+    """Return the values of each night that an entry keeps, the newest first."""
     return [entry["values"], *entry.get("nights", ())]
 
 
 def typical(entry: Json) -> Json:
-    """Values of an entry: of several nights their means, of roots those of what is added."""
+    """Return the values of an entry: means of several nights, by powers where values are roots."""
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
         values: Json = entry["values"]
@@ -263,8 +263,8 @@ def typical(entry: Json) -> Json:
 
     def mean(path: str, name: str | None = None) -> float:
         power = order if path in (*PROVEN[1:], *BOUNDS) else 1.0
-        found = [number_in(values, name, path) ** power for values in nights]
-        return float((math.fsum(found) / len(found)) ** (1 / power))
+        numbers = [number_in(values, name, path) ** power for values in nights]
+        return float((math.fsum(numbers) / len(numbers)) ** (1 / power))
 
     names = {name for values in nights for name in values.get("by_class", ())}
     sums = NeesSums.joined(filter(None, map(NeesSums.of_values, nights)))
@@ -283,13 +283,13 @@ def typical(entry: Json) -> Json:
 
 
 def number_in(values: Json, name: str | None, path: str) -> float:
-    """A value, or that of a class: one that is not there costs nothing."""
+    """Return a value, or that of a class: a class that is not there costs nothing."""
     own = values if name is None else values.get("by_class", {}).get(name, {})
     return float(value_at(own, path) or 0.0)
 
 
 def nested(values: Mapping[str, Any]) -> Json:
-    """Values by path, as in the JSON of a result."""
+    """Return values by path, as in the JSON of a result."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
@@ -301,43 +301,47 @@ def nested(values: Mapping[str, Any]) -> Json:
 
 
 def upper_ends(values: Mapping[str, Value]) -> Json:
-    """The upper ends of values, as in the JSON of a result."""
+    """Return the upper ends of values, as in the JSON of a result."""
     return nested({path: value.upper for path, value in values.items()})
 
 
 def value_at(values: Json, path: str) -> Any:
-    """What a path names among values, as ``counts.missed``; None if there is nothing."""
+    """Return the value at a path such as ``counts.missed``; None if there is nothing."""
     if names_summary(path):
         return values.get(SUMMARY, {}).get(path.removeprefix(f"{SUMMARY}."))
-    found: Any = values
+    value: Any = values
     path = f"{NEES}.mean" if path == NEES else path
     for part in path.split("."):
-        found = found.get(part) if isinstance(found, dict) else None
-    return found
+        value = value.get(part) if isinstance(value, dict) else None
+    return value
 
 
 CHANGED = "not judged on the same"
-"""How notes about truths begin."""
+"""Beginning of notes about truths."""
 
 
 def differences(entry: Json, now: Measured) -> list[str]:
-    """Why a result cannot be compared with an entry; empty if it can."""
-    found = [
+    """Return the reasons why a result cannot be compared with an entry; empty if it can."""
+    reasons = [
         f"{name} is {own}, in the baseline {other}"
         for name, own, other in unlike(now.parameters, entry["parameters"])
     ]
     old = entry["judged"]
-    wrong = incomparable({"now": now.judged, "the baseline": old})
-    # Where the estimate has no say in it, somebody changed the truth.
+    wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
+    # On these grids the steps do not depend on the estimate: the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
-        if all(old[name] == now.judged[name] for name in COVERAGE_FIELDS if name != "truth_sha256"):
+        if all(
+            old[name] == now.evaluated_on[name]
+            for name in COVERAGE_FIELDS
+            if name != "truth_sha256"
+        ):
             wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
-        return [*found, f"{wrong}; if that is right, make the baseline anew"]
-    return [*found, f"{wrong}; {judge_alike()}"] if wrong else found
+        return [*reasons, f"{wrong}; if that is right, make the baseline anew"]
+    return [*reasons, f"{wrong}; {judge_alike()}"] if wrong else reasons
 
 
 def check_equal(entry: Json, now: Measured) -> None:
-    """Whether values of the same data, which can be compared, have one in common.
+    """Check that two intervals of the same comparable data overlap.
 
     Raises
     ------
@@ -353,7 +357,7 @@ def check_equal(entry: Json, now: Measured) -> None:
 
 
 def dump(baseline: Baseline) -> str:
-    """The baseline as JSON: sorted, a line for each number, full doubles."""
+    """Return the baseline as JSON: sorted, a line for each number, full doubles."""
     return json_text({"schema": SCHEMA, "pairs": baseline})
 
 
@@ -369,13 +373,13 @@ def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | 
 
 
 CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
-"""What git writes where two branches changed the same lines, with the lines of either side."""
+"""Text of git where two branches changed the same lines, with the lines of either side."""
 
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
 
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
-    """A baseline of what is in a file; `path` begins the messages.
+    """Read a baseline from the text of a file; `path` begins the messages.
 
     Entries that two branches changed may be there if `renewed` says that they are made anew.
 
@@ -418,7 +422,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """The description of values at these paths."""
+    """Return the description of the values at these paths."""
     return nested(dict.fromkeys(paths, COST))
 
 
@@ -436,7 +440,7 @@ BASELINE = {
             "nights": Maybe([VALUES]),
             "options": {...: ANYTHING},
             "parameters": PARAMETERS,
-            "judged": JUDGED,
+            "judged": EVALUATED_ON,
             "estimate_sha256": Maybe(TEXT),
             "version": TEXT,
             "labels": Maybe({...: TEXT}),
@@ -447,7 +451,7 @@ BASELINE = {
 
 
 def _contradiction(entry: Json) -> str | None:
-    """The first value of an entry that does not fit the others; None if all fit."""
+    """Return the first value of an entry that contradicts the others; None if all fit."""
     for night, values in enumerate(nights_of(entry)):
         place = f"nights.{night - 1}" if night else "values"
         classes = values.get("by_class", {})
@@ -466,14 +470,14 @@ def _contradiction(entry: Json) -> str | None:
 
 
 def patterns_of(names: set[str], everything: set[str]) -> list[str]:
-    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
-    all_of, meant_of = (
+    """Return patterns that match only these names: `slow/*` where all of it is meant."""
+    all_of, chosen_of = (
         Counter(name.partition("/")[0] for name in some if "/" in name)
         for some in (everything, names)
     )
-    found = dict[str, None]()  # in order, each once
+    patterns = dict[str, None]()  # in order, each once
     for name in sorted(names, key=natural):
         head, slash, _ = name.partition("/")
-        whole = slash and 1 < all_of[head] == meant_of[head]
-        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
-    return [*found]
+        whole = slash and 1 < all_of[head] == chosen_of[head]
+        patterns[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
+    return [*patterns]

@@ -29,7 +29,7 @@ from tgospa_eval.campaign.gate.baseline import (
     typical,
     value_at,
 )
-from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, LEAST_SCATTER, PRIOR, Rises, jumps
+from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, MIN_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.suite import GroupTable
 from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
@@ -45,7 +45,7 @@ from tgospa_eval.results.summary import names_summary
 from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
-"""With fewer nothing is inferred."""
+"""Runs below which nothing is inferred."""
 
 OF_ALL = 0.8
 """Share of the error of a rule that is for all groups together."""
@@ -53,8 +53,8 @@ OF_ALL = 0.8
 SHOWN = 5
 """Names of runs in a sentence."""
 
-LEAST_STATES = 10
-"""Of a truth of which a run that misses many, not all, can be dead."""
+MIN_STATES = 10
+"""States of a truth from which a run that misses many, not all, can be dead."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
@@ -89,36 +89,36 @@ class SceneRuns:
     paired: bool
 
     def missed(self) -> Rises:
-        """How far its runs are above what those of the baseline missed."""
+        """Return how far its runs are above the misses of the baseline."""
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
         ]
-        states = [max(one.judged["truth_states"], 1) for one in self.now]
+        states = [max(one.evaluated_on["truth_states"], 1) for one in self.now]
         now = [one.values[ALIVE.path].lower for one in self.now]
         size = float(np.mean(states))
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
     def dead(self, p_values: Floats) -> list[rules.Finding]:
-        """A finding for each run that misses as much as no run of the scene ever did.
+        """Return a finding for each run that misses as much as no run of the scene ever did.
 
         That is more than halfway from the most to all; or a quarter of it, if that is a jump.
         """
-        found = []
+        findings = []
         ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
         for name, one, p in zip(self.names, self.now, p_values, strict=True):
-            states, missed = one.judged["truth_states"], one.values[ALIVE.path]
+            states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
             limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
-            if missed.lower > limit and (one.silent or states >= LEAST_STATES):
+            if missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
                     f"{name}: is dead: it misses {missed.lower:g} of {states} states of the truth"
                     f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
                     f"baseline missed more than {ever:g}"
                 )
-                found.append(
+                findings.append(
                     replace(rules.judge(replace(ALIVE, slack=limit), missed, ever), note=note)
                 )
-        return found
+        return findings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,7 +144,7 @@ class Group:
 
     @property
     def runs(self) -> int:
-        """Of now."""
+        """Number of runs of now."""
         return sum(len(scene.now) for scene in self.scenes)
 
 
@@ -157,7 +157,7 @@ def judge_groups(
     *,
     strict: bool = False,
 ) -> list[PairOutcome]:
-    """The outcomes of all groups.
+    """Return the outcomes of all groups.
 
     Parameters
     ----------
@@ -189,12 +189,12 @@ def judge_groups(
     weights: list[float] = []
     tested: list[tuple[Summed, float]] = []
     jumped: dict[int, str] = {}
-    for (place, _), found in sums.items():
-        some = [(one, group in groups[place]) for group, one in found if one and one.is_tested]
+    for (place, _), row in sums.items():
+        some = [(one, group in groups[place]) for group, one in row if one and one.is_tested]
         tested += [(one, tables[place].confidence) for one, _ in some]
-        alone = sum(single for _, single in some)
-        rest = 1.0 - OF_ALL if alone < len(some) else 1.0
-        weights += [rest / alone if single else OF_ALL for _, single in some]
+        singles = sum(single for _, single in some)
+        rest = 1.0 - OF_ALL if singles < len(some) else 1.0
+        weights += [rest / singles if single else OF_ALL for _, single in some]
         jumped |= _jumped([one for one, single in some if single], FALSE_ALARMS / len(sums))
     shares = np.array(weights) / len(sums or "-")
     worse, better = (
@@ -209,7 +209,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # Those that Holm's method does not reject share what is left.
+    # Tests that Holm's method does not reject share the rest of the error.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -235,7 +235,7 @@ def judge_groups(
             column = [sums[place, number][k][1] for number in range(len(table.rules))]
             findings = [known.get(id(one), one.finding) if one else None for one in column]
             dead = (
-                [found for scene in group.scenes for found in scene.dead(misses[id(scene)])]
+                [one for scene in group.scenes for one in scene.dead(misses[id(scene)])]
                 if k < len(among)
                 else []
             )
@@ -246,33 +246,33 @@ def judge_groups(
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Which scene or run of each sum is far outside what its seeds do, by the identity of the sum.
+    """Describe the run or scene that is far outside the scatter of its seeds, by the id of its sum.
 
     Of totals alone: counts of few switches have no scale.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
     scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
-    found: dict[int, str] = {}
-    judged = jumps(
+    notes: dict[int, str] = {}
+    p_values = jumps(
         [Rises.of_costs(now, old, paired=scene.paired) for _, scene, (now, old) in scenes]
     )
-    for (one, scene, _), (whole, each) in zip(scenes, judged, strict=True):
+    for (one, scene, _), (whole, each) in zip(scenes, p_values, strict=True):
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
             which = f"{scene.name}: " if len(one.group.scenes) > 1 else ""
-            found.setdefault(id(one), f"{which}far outside what its seeds do")
+            notes.setdefault(id(one), f"{which}far outside what its seeds do")
         elif runs:
-            found[id(one)] = f"{listed(runs, SHOWN)}: far outside what runs of {scene.name} do"
-    return found
+            notes[id(one)] = f"{listed(runs, SHOWN)}: far outside what runs of {scene.name} do"
+    return notes
 
 
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
-    """What is said of groups that can never fail by themselves through the test of their seeds.
+    """Return notes about groups that can never fail through the test of their seeds.
 
     `labels` are those of the pairs, and `nights` how many the baseline has of each at least.
     """
-    found = []
+    notes = []
     columns = sum(len(table.rules) for table in tables)
     for table in tables:
         runs: dict[str, int] = {}
@@ -287,16 +287,16 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
         more = "with these nights" if nights > 1 else f"or further nights with {option('add')}"
         few = sorted((name for name in runs if runs[name] < needed), key=natural)
         if few and len(scenes) < sum(runs.values()):
-            found.append(
+            notes.append(
                 f"group {listed(few, SHOWN)}: {min(runs[name] for name in few)} runs: their seeds "
                 f"can never support that one group alone is worse: {needed} are needed, {more}; "
                 "dead runs and jumps fail all the same"
             )
-    return found
+    return notes
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """All groups of a table as one, if there are several that can be judged."""
+    """Return all groups of a table as one, if there are several that can be judged."""
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -310,39 +310,39 @@ def _groups(
     labels: Mapping[str, Labels],
     failed: Sequence[str],
 ) -> list[Group]:
-    """Groups by name, of the pairs that have the labels of the pattern."""
-    found: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
+    """Return groups by name, of the pairs that have the labels of the pattern."""
+    runs_by_group: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
     for side, names in enumerate((now, old)):
         for name in sorted(names, key=natural):
             own = labels.get(name, {})
             if not table.has(own):
                 continue
-            others = (f"{key} {own[key]}" for key in sorted(own) if key != table.seed)
-            scene = tuple(others) if table.seed in own else (name,)
-            group = found.setdefault(patterns.fill(table.name, own), {})
+            other_labels = (f"{key} {own[key]}" for key in sorted(own) if key != table.seed)
+            scene = tuple(other_labels) if table.seed in own else (name,)
+            group = runs_by_group.setdefault(patterns.fill(table.name, own), {})
             group.setdefault(scene, ([], []))[side].append(name)
     lost: dict[str, list[str]] = {}
     for name in failed:
         if table.has(labels[name]):
             lost.setdefault(patterns.fill(table.name, labels[name]), []).append(name)
-    found |= {name: {} for name in lost.keys() - found.keys()}
+    runs_by_group |= {name: {} for name in lost.keys() - runs_by_group.keys()}
     return [
         _group(name, scenes, now, old, lost.get(name, ()))
-        for name, scenes in sorted(found.items(), key=lambda item: natural(item[0]))
+        for name, scenes in sorted(runs_by_group.items(), key=lambda item: natural(item[0]))
     ]
 
 
 def _group(
     name: str,
-    found: Mapping[tuple[str, ...], tuple[list[str], list[str]]],
+    runs_by_scene: Mapping[tuple[str, ...], tuple[list[str], list[str]]],
     now: Mapping[str, Measured],
     old: Baseline,
     lost: Iterable[str],
 ) -> Group:
-    """One group, of names of runs of now and of the baseline."""
+    """Return one group, of names of runs of now and of the baseline."""
     scenes, notes = [], []
     faults = [f"{run}: could not be evaluated" for run in lost]
-    for scene, (mine, theirs) in found.items():
+    for scene, (mine, theirs) in runs_by_scene.items():
         where = ", ".join(scene) or "all runs"
         common = [run for run in theirs if run in now]
         gone = [run for run in theirs if run not in now]
@@ -353,9 +353,9 @@ def _group(
         if common and gone:
             faults.append(f"{listed(gone, SHOWN)}: in the baseline and not among the pairs")
             continue
-        apart = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
+        reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
         if not common:
-            apart = [
+            reasons = [
                 f"{mine[0]}: {option} is {value}, in the baseline {before}"
                 for option, value, before in unlike(
                     now[mine[0]].parameters, old[theirs[0]]["parameters"]
@@ -365,7 +365,7 @@ def _group(
             notes.append(
                 f"{where}: {len(mine) - len(common)} runs are not in the baseline: left out"
             )
-        faults += apart[:1]
+        faults += reasons[:1]
         names = common or mine
         scenes.append(
             SceneRuns(
@@ -411,12 +411,12 @@ class Stratum:
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """The same in shares of the mean of all runs, weighted."""
+        """Return the same in shares of the weighted mean of all runs."""
         factor = self.weight / (abs(float(self.all.mean())) or 1.0)
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
-        """Sum of squares of shares of single values, and its degrees of freedom.
+        """Return the sum of squares of shares of single values, and its degrees of freedom.
 
         No exchange changes them, as the hypothesis has the same mean on both sides.
         """
@@ -430,7 +430,7 @@ class Stratum:
         """Estimated variance of the excess."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        # Pooled: a side may be of one run.
+        # The variance is pooled, as a side may have a single run.
         squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
         count = len(self.now)
         return squares / self.freedom * count * (1 + count / len(self.allowed))
@@ -468,14 +468,14 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """Whether something is inferred: there are seeds, and the rule is about a change."""
+        """True if a test is made: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
-        """Of each scene the values of now, and what each night of each old run allows."""
+        """Return the values of now, and the limits for each night of each old run, by scene."""
         if self.finding.rule.relative and self.base > 0:
             factor, more = self.limit / self.base, 0.0
         else:
@@ -492,7 +492,7 @@ class Summed:
         ]
 
     def strata(self) -> list[Stratum]:
-        """What each run is allowed, and its value."""
+        """Return the limit of each run, and its value."""
         return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
 
     def inferred(
@@ -504,7 +504,7 @@ class Summed:
         *,
         strict: bool,
     ) -> rules.Finding:
-        """What is inferred of the tracker, where its seeds differ.
+        """Infer whether the tracker changed, from runs with other seeds.
 
         `share` is that of the error which is for this test, after Holm's method; `p_values` that it
         is worse, and better, adjusted for all tests; `strict` as of `judge_groups`.
@@ -531,12 +531,12 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # What is seen is in few runs: as a change of all of them it would be noticed.
+                # A change of all runs would be noticed, so this one is in few runs.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
     def better(self) -> list[Stratum]:
-        """Whether the baseline, less the slack of the rule, is above the values of now."""
+        """Test whether the baseline, less the slack of the rule, is above the values of now."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
         scenes = []
         for scene in self.group.scenes:
@@ -547,7 +547,7 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
-    """Runs of one scene; of those with several nights each is one, a night of now among them."""
+    """Return the runs of one scene, or a stratum for each run that has several nights."""
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)
@@ -558,11 +558,11 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
 
 
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
-    """Strata of all scenes, each scene weighted by the inverse of the variance of its shares."""
+    """Return strata of all scenes, weighted by the inverse of the variance of their shares."""
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
-    usual = float(np.median(squares / freedom)) if len(scenes) else 0.0
-    variances = np.maximum((squares + PRIOR * usual) / (freedom + PRIOR), LEAST_SCATTER**2)
+    median = float(np.median(squares / freedom)) if len(scenes) else 0.0
+    variances = np.maximum((squares + PRIOR * median) / (freedom + PRIOR), MIN_SCATTER**2)
     return [
         replace(one, weight=float(1 / variance))
         for scene, variance in zip(scenes, variances, strict=True)
@@ -575,19 +575,19 @@ def _missed(night: Json) -> float:
 
 
 def _now(one: Measured, part: Part) -> rules.Value:
-    """A value of a run; a class that it does not have costs nothing."""
+    """Return a value of a run; a class that it does not have costs nothing."""
     name, path = part
     values = one.values if name is None else one.classes.get(name)
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
 
 
 def _old(entry: Json, part: Part) -> Floats:
-    """Values of a run of the baseline, of all its nights."""
+    """Return values of a run of the baseline, of all its nights."""
     return np.array([number_in(night, *part) for night in nights_of(entry)])
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
-    """A value of all runs together; None if no run has it, or they cannot be compared."""
+    """Sum a value over all runs; None if no run has it, or they cannot be compared."""
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
     for scene in group.scenes:
@@ -602,11 +602,11 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
         return None
     if names_summary(rule.path):
         values = [one.values.get(rule.path) for one in runs]
-        told = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
-        if None in values or (None in told and not rule.absolute):
+        earlier = [value_at(typical(e), rule.path) for scene in group.scenes for e in scene.old]
+        if None in values or (None in earlier and not rule.absolute):
             return None
         now = rules.Value.of(math.fsum(v.upper for v in values if v) / len(values))
-        base = math.fsum(told) / len(told) if told and None not in told else None
+        base = math.fsum(earlier) / len(earlier) if earlier and None not in earlier else None
         finding = rules.judge(rule, now, base)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     if rule.path in rules.OF_NEES:
@@ -621,19 +621,19 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
     if tail.endswith("tgospa"):
         part, order = (part[0], "total"), runs[0].order
     if tail == "normalised.tgospa":
-        steps = max(math.fsum(one.judged["steps"] for one in runs), 1.0)
+        steps = max(math.fsum(one.evaluated_on["steps"] for one in runs), 1.0)
         old_steps = max(_sum_of(group, lambda entry: float(entry["judged"]["steps"])), 1.0)
-    found = [_now(one, part) for one in runs]
+    values_of_runs = [_now(one, part) for one in runs]
     base = _sum_of(group, lambda entry: float(_old(entry, part).mean()))
 
     def of_sum(total: float) -> float:
         return float((total / steps) ** (1 / order))
 
     now = rules.Value(
-        lower=of_sum(math.fsum(one.lower for one in found)),
-        upper=of_sum(math.fsum(one.upper for one in found)),
-        proven=all(one.proven for one in found),
-        unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in found),
+        lower=of_sum(math.fsum(one.lower for one in values_of_runs)),
+        upper=of_sum(math.fsum(one.upper for one in values_of_runs)),
+        proven=all(one.proven for one in values_of_runs),
+        unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in values_of_runs),
     )
     finding = rules.judge(rule, now, (base / old_steps) ** (1 / order))
     limit = finding.limit**order * steps
@@ -641,7 +641,7 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
 
 
 def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
-    """The sum over the baseline, each scene brought to as many runs as there are now."""
+    """Sum the baseline, each scene weighted to as many runs as there are now."""
     return math.fsum(
         math.fsum(map(number, scene.old)) * (len(scene.now) / len(scene.old))
         for scene in group.scenes
@@ -649,14 +649,14 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# Whether runs with other seeds support that a sum has grown beyond a limit.
+# Tests by runs with other seeds that a sum has grown beyond a limit.
 #
 # Runs are stratified: a stratum is one scene, and its runs differ in their seed alone. Under the
 # hypothesis that the tracker is just as the limit allows, old and new values of a seed can be
 # exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). Where the seeds
 # are others than before, all runs of a stratum can be exchanged (Pitman 1937). The statistic is the
 # sum over all strata of what is above the limit, as a share of the mean of the stratum: noise grows
-# with the cost of a scene, and the dearest scene is not to drown the others. Scenes are weighted by
+# with the cost of a scene, and the costliest scene must not hide the others. Scenes are weighted by
 # the inverse of the variance of these shares, moderated as for jumps. No exchange changes means or
 # weights.
 
@@ -665,7 +665,7 @@ POWER = 0.8
 
 
 def p_value(strata: Sequence[Stratum]) -> float:
-    """One-sided p value that the sum is above its limit; exact where it can be.
+    """Return one-sided p value that the sum is above its limit; exact where it can be.
 
     Parameters
     ----------
@@ -680,16 +680,16 @@ def p_value(strata: Sequence[Stratum]) -> float:
 
 
 def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
-    """Runs below which no test can support anything: exchanges are too few."""
-    least = 1 / (1 - confidence) - 1e-9
+    """Return the number of runs below which no test can support anything: too few exchanges."""
+    wanted = 1 / (1 - confidence) - 1e-9
     runs = 1
-    while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < least:
+    while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < wanted:
         runs += 1
     return runs
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Share by which all runs have to be above the limit to be noticed, about.
+    """Return the share by which all runs have to be above the limit to be noticed, about.
 
     With probability `POWER`, by Student's t with the scatter of these runs; where they are just as
     many as needed, each of them has to be above. Infinite for fewer, or without scatter.

@@ -25,7 +25,7 @@ from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
     Report,
     accepting_options,
-    judged_outcome,
+    evaluated_outcome,
     leftover,
     of_its_runs,
     updated_outcome,
@@ -55,7 +55,7 @@ Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """The groups of a suite, or those of the command line, which have its rules.
+    """Return the groups of a suite, or those of the command line, which have its rules.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def tables_of(
 def rules_of(
     gate: GateOptions, pair: Job, *, baseline: bool = True, default: bool = True
 ) -> list[Rule]:
-    """The rules of a pair; `default`: whether the usual one holds where none is given.
+    """Return the rules of a pair; `default`: whether the default rule applies where none is given.
 
     Raises
     ------
@@ -97,14 +97,14 @@ def rules_of(
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
     is_own = own["fail-on"] and (gate.strong("fail_on") or not suite["fail-on"])
-    found = parse_rules(
+    rules = parse_rules(
         (own if is_own else suite)["fail-on"],
         (*suite["warn-on"], *own["warn-on"]),
         (*suite["max"], *own["max"]),
         default=baseline and default,
     )
-    relative = [rule for rule in found if not rule.absolute]
-    if not baseline and (relative or not found) and default:
+    relative = [rule for rule in rules if not rule.absolute]
+    if not baseline and (relative or not rules) and default:
         why = (
             f"{relative[0].text} needs one"
             if relative
@@ -114,7 +114,7 @@ def rules_of(
             f"{gate.prefix(pair.name)}no baseline: name it with "
             f"{option('baseline', metavar='FILE')}; {why}"
         )
-    return found
+    return rules
 
 
 class OverInputError(ConfigError):
@@ -122,7 +122,7 @@ class OverInputError(ConfigError):
 
 
 def check_junit(gate: GateOptions, *paths: str | None) -> None:
-    """Whether the JUnit report would be written over what is read.
+    """Check that the JUnit report does not overwrite an input.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Whether the options of an update go together.
+    """Check that the options of an update go together.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
-    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
+    """Yield the pairs; those whose estimates are older than a time, or a file, have a fault.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
     """
     try:
         exists = os.path.exists(since)
-        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
+        oldest = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
     except ValueError:
         raise ConfigError(
             f"{option('newer_than')} {quoted(since)}: is neither a file nor a time, as "
@@ -176,10 +176,10 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
     for pair in pairs:
         files = files_at(file_of(pair.estimate))
         written = max(
-            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
+            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=oldest
         )
-        if written < least and not pair.fault:
-            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
+        if written < oldest and not pair.fault:
+            times = (str(datetime.fromtimestamp(one)) for one in (written, oldest))
             fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
             pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
         yield pair
@@ -192,15 +192,15 @@ def judge_pairs(
     path: str,
     old: Baseline | None,
     evaluated: Evaluate,
-    whence: str,
+    source: str,
 ) -> Report:
-    """The outcomes of all groups and pairs, or of an update of the baseline."""
+    """Return the outcomes of all groups and pairs, or of an update of the baseline."""
     _check_options(gate, path)
     groups = tables_of(gate, pairs, groups)
-    if gate.group is not None:  # whose rules are those of the command line
+    if gate.group is not None:  # such groups have the rules of the command line
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
-    alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
-    if alone and old and ONLY_PAIR not in old:
+    single = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
+    if single and old and ONLY_PAIR not in old:
         raise ConfigError(
             f"{path}: is the baseline of a suite ({', '.join(old)}); name {option('suite')}"
         )
@@ -209,16 +209,16 @@ def judge_pairs(
             f"no baseline: name it with {option('baseline', metavar='FILE')}; groups need one"
         )
     rules = {
-        pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
+        pair.name: [replace(rule, warns=True) for rule in rules_of_pair if rule.absolute]
         if pair.is_new
-        else found
+        else rules_of_pair
         for pair in pairs
         if not pair.fault
-        for found in [rules_of(gate, pair, baseline=bool(path), default=not groups)]
-    }  # wrong ones before any work
+        for rules_of_pair in [rules_of(gate, pair, baseline=bool(path), default=not groups)]
+    }  # wrong rules are errors before any work
     if gate.update_baseline:
-        return _updated(gate, pairs, groups, path, old, evaluated, whence)
-    outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence, strict=gate.strict)
+        return _updated(gate, pairs, groups, path, old, evaluated, source)
+    outcomes = _judge_all(pairs, groups, path, old, rules, evaluated, source, strict=gate.strict)
     can_accept = gate.typed and path and not is_store(path)
     accepted = accepting_options(outcomes, groups, pairs, old or {}) if can_accept else []
     return Report(
@@ -232,33 +232,33 @@ def judge_pairs(
 
 
 def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
-    """The command that was typed, with options that accept what failed."""
+    """Return the command that was typed, with options that accept what failed."""
     command = without_option(gate.typed, "--against")
     at = command.index("--") if "--" in command else len(command)
     # In the environment of pre-commit, the program is not where shells look for it.
-    alone = "PRE_COMMIT" in os.environ
-    program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
+    from_hook = "PRE_COMMIT" in os.environ
+    program = (sys.executable, "-m", "tgospa_eval") if from_hook else ("tgospa-eval",)
     return (*program, "gate", *command[:at], *accepted, *command[at:])
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """What is said of groups whose seeds can support nothing."""
+    """Return notes about groups whose seeds can support nothing."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
 
-def _judged(
+def _judge_all(
     pairs: Sequence[Job],
     groups: Sequence[GroupTable],
     path: str,
     baseline: Baseline | None,
     rules: Mapping[str, list[Rule]],
     evaluated: Evaluate,
-    whence: str,
+    source: str,
     *,
     strict: bool,
 ) -> list[PairOutcome]:
-    """The outcomes of all groups and pairs; wrong files do not keep others from being judged."""
+    """Judge all groups and pairs; wrong files do not keep others from being judged."""
     missing = f"no such file: {path}" if baseline is None else f"not in {path}"
     old = baseline or {}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
@@ -288,7 +288,7 @@ def _judged(
             if path and entry is None and not pair.is_new:
                 outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
             else:
-                outcome = judged_outcome(pair, now, entry, own, noisy=noisy, **about)
+                outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
             if pair.is_new:
                 note = "new, not judged: the target does not have it yet; its limits of "
                 note += f"{option('limits')} only warn"
@@ -297,24 +297,24 @@ def _judged(
                 results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
-    judged = [outcomes[pair.name] for pair in pairs]
+    in_order = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
-        failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
+        failed = [one.name for one in in_order if one.verdict is Verdict.ERROR]
         failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
         added = judge_groups(groups, results, old, labels, failed, strict=strict)
         first = (of_its_runs(one, groups, labels, results, old) for one in added[:MAX_PAGES])
-        judged = [*first, *added[MAX_PAGES:], *judged]
+        in_order = [*first, *added[MAX_PAGES:], *in_order]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = (
-        f"in the baseline and not in {whence}; {option('update_baseline')} {option('prune')} "
+        f"in the baseline and not in {source}; {option('update_baseline')} {option('prune')} "
         "removes it"
     )
-    return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
+    return in_order + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Values of a row or what is wrong with it, and more for its outcome."""
+    """Return values of a row or what is wrong with it, and more for its outcome."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about
@@ -338,7 +338,7 @@ def _updated(
     path: str,
     baseline: Baseline | None,
     evaluated: Evaluate,
-    whence: str,
+    source: str,
 ) -> Report:
     """Renew the entries of all pairs, or of those that are named; all of these or none."""
     chosen = [pair for pair in pairs if gate.chosen(pair.name)]
@@ -371,7 +371,7 @@ def _updated(
     if new != old or not os.path.exists(path):
         write_file(path, dump(new), option("baseline"))
     note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
-    outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
+    outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {source}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
     return Report(

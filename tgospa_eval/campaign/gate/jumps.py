@@ -32,8 +32,8 @@ OF_SCENES = 0.75
 PRIOR = 10.0
 """Degrees of freedom that the scatter of other scenes counts for."""
 
-LEAST_SCATTER = 0.05
-"""Of logarithms: runs without random numbers do not make any change a jump."""
+MIN_SCATTER = 0.05
+"""Scatter of logarithms: runs without random numbers do not make any change a jump."""
 
 SMALLEST = 0.01
 """Share of the mean of a scene that is added to each value: some cost nothing."""
@@ -41,7 +41,7 @@ SMALLEST = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rises:
-    """How far the runs of a scene are above what they may cost or miss, on a scale of even scatter.
+    """Distances of the runs of a scene above their limits, on a scale of even scatter.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Rises:
         Whether the run is above all of the baseline.
     squares, freedom : float
         Scatter of the baseline.
-    least : float
+    min_scatter : float
         Scatter that is assumed of a single value at least.
     ever : float
         The largest rise of a run of the baseline above its other nights, over the root of its size.
@@ -67,30 +67,30 @@ class Rises:
     outside: NDArray[np.bool_]
     squares: float
     freedom: float
-    least: float
+    min_scatter: float
     ever: float
 
     @classmethod
     def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Of costs and, for each run of the baseline, what each of its nights allows.
+        """Return the rises of costs over the limits of each night of each run of the baseline.
 
         None where nothing has a cost.
         """
         everything = np.concatenate([now, *allowed])
         if not everything.any():
             return None
-        least = SMALLEST * float(everything.mean())
-        nights = [np.log(night + least) for night in allowed]
-        return cls._of(np.log(now + least), nights, paired, LEAST_SCATTER)
+        floor = SMALLEST * float(everything.mean())
+        nights = [np.log(night + floor) for night in allowed]
+        return cls._of(np.log(now + floor), nights, paired, MIN_SCATTER)
 
     @classmethod
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Of shares of a truth that are missed; `states` is how many states it has about."""
+        """Return the rises of missed shares of a truth that has about this many states."""
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
 
     @classmethod
-    def _of(cls, now: Floats, nights: Sequence[Floats], paired: bool, least: float) -> Self:
+    def _of(cls, now: Floats, nights: Sequence[Floats], paired: bool, min_scatter: float) -> Self:
         means = np.array([night.mean() for night in nights])
         if paired:
             squares = sum(float(((night - night.mean()) ** 2).sum()) for night in nights)
@@ -111,50 +111,50 @@ class Rises:
             outside=now > max(night.max() for night in nights),
             squares=squares,
             freedom=freedom,
-            least=least,
+            min_scatter=min_scatter,
             ever=max(above, default=0.0),
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Sum of squares of single values, of both sides, and its degrees of freedom."""
+        """Return the sum of squares of single values, of both sides, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
     def without(self, place: int) -> "Rises":
-        """The same without one run, which is not to hide in its own scatter."""
+        """Return the same without one run, which must not hide in its own scatter."""
         kept = np.arange(len(self.rises)) != place
         return replace(self, rises=self.rises[kept], size=self.size[kept])
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """P values of each scene and of each of its runs, adjusted for the number of all of these."""
+    """Return p values of each scene and of each of its runs, adjusted for their number."""
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # The median of a chi-square variable is below its mean.
-    usual = np.divide(
+    variances = np.divide(
         squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
     )
     runs, ever = sum(len(one.rises) for one in known), max((one.ever for one in known), default=0.0)
-    found: list[tuple[float, Floats]] = []
+    p_values: list[tuple[float, Floats]] = []
     places = iter(range(len(known)))
     for one in scenes:
         if one is None:
-            found.append((1.0, np.ones(0)))
+            p_values.append((1.0, np.ones(0)))
             continue
         place = next(places)
-        others = np.delete(usual, place)
+        other_variances = np.delete(variances, place)
         prior = min(PRIOR, float(freedom.sum() - freedom[place]))
-        beside = prior, float(np.nanmedian(others)) if prior > 0 else 0.0
+        beside = prior, float(np.nanmedian(other_variances)) if prior > 0 else 0.0
         scatter = squares[place], freedom[place]
-        scene = _p_value(float(one.rises.mean()), one.of_mean, scatter, beside, one.least)
+        scene = _p_value(float(one.rises.mean()), one.of_mean, scatter, beside, one.min_scatter)
         each = np.ones(len(one.rises))
         outside = one.outside & (one.rises > ever * np.sqrt(one.size))
         for k in np.flatnonzero(outside) if len(each) > 1 else ():
-            alone, size = one.without(int(k)).scatter(), float(one.size[k])
-            each[k] = _p_value(float(one.rises[k]), size, alone, beside, one.least)
+            rest, size = one.without(int(k)).scatter(), float(one.size[k])
+            each[k] = _p_value(float(one.rises[k]), size, rest, beside, one.min_scatter)
         count = len(known) / OF_SCENES, runs / (1 - OF_SCENES)
-        found.append((min(count[0] * scene, 1.0), np.minimum(count[1] * each, 1.0)))
-    return found
+        p_values.append((min(count[0] * scene, 1.0), np.minimum(count[1] * each, 1.0)))
+    return p_values
 
 
 def _p_value(
@@ -162,13 +162,13 @@ def _p_value(
     size: float,
     scatter: tuple[float, float],
     beside: tuple[float, float],
-    least: float,
+    min_scatter: float,
 ) -> float:
-    """One-sided, by Student's t with the moderated variance; 1 below the limit."""
+    """Return a one-sided p value, by Student's t with the moderated variance; 1 below the limit."""
     from scipy.special import stdtr  # lazy: slow to import
 
-    (squares, freedom), (prior, usual) = scatter, beside
+    (squares, freedom), (prior, median) = scatter, beside
     if rise <= 0 or freedom + prior <= 0:
         return 1.0
-    variance = max((squares + prior * usual) / (freedom + prior), least**2)
+    variance = max((squares + prior * median) / (freedom + prior), min_scatter**2)
     return float(stdtr(freedom + prior, -rise / np.sqrt(variance * size)))

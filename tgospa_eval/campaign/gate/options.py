@@ -15,7 +15,7 @@ _gate = partial(setting, "Gate", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class GateOptions(Values):
-    """What to judge by, how to evaluate, and what to write.
+    """Rules to judge by, settings of the evaluation, and files to write.
 
     A default yields to the baseline, that to a configuration file, that to the suite, that to the
     environment, that to a flag. `evaluation` has the options of the evaluation by field, `sources`
@@ -120,7 +120,7 @@ class GateOptions(Values):
     config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
-        """Options of the evaluation from these sources, by field."""
+        """Return options of the evaluation from these sources, by field."""
         return {
             name: value
             for name, value in self.evaluation.items()
@@ -128,18 +128,18 @@ class GateOptions(Values):
         }
 
     def strong(self, name: str) -> bool:
-        """Whether it is a flag or from the environment."""
+        """Return whether an option is given as a flag or by the environment."""
         return self.sources.get(name) in ("commandline", "environment")
 
     def chosen(self, name: str) -> bool:
-        """Whether an update is about this pair."""
+        """Return whether an update is about this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
 
     @property
     def renewed(self) -> Callable[[str], bool] | None:
-        """Which entries an update makes anew; None without one."""
+        """Test for entries that an update makes anew; None without an update."""
         return self.chosen if self.update_baseline else None
 
     def prefix(self, name: str) -> str:
-        """What a line about a pair begins with: its name, where there are several."""
+        """Return the beginning of a line about a pair: its name, where there are several."""
         return f"{clipped(name)}: " if self.suite else ""

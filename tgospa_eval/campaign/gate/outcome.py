@@ -1,4 +1,4 @@
-"""What a gate found: one outcome for each pair, and what the user should know."""
+"""Result of a gate: one outcome for each pair, and messages for the user."""
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
@@ -17,8 +17,8 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.rules import (
     BY_CLASS,
-    JUDGED,
     OF_NEES,
+    RULE_VALUES,
     STATUS,
     Finding,
     Inference,
@@ -102,14 +102,14 @@ class PairOutcome:
 
     @classmethod
     def of(cls, pair: Job, verdict: Verdict, *notes: str, **about: Any) -> Self:
-        """Of a pair, with notes, and further fields."""
+        """Return the outcome of a pair, with notes and further fields."""
         names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
         about = {"status": STATUS[verdict], **names, "labels": pair.labels, **about}
         return cls(verdict=verdict, notes=notes, **about)
 
     @property
     def page_name(self) -> str:
-        """Where its page is in the folder of a gate; blank without one."""
+        """Path of its page in the folder of a gate; blank without one."""
         from tgospa_eval.show.files import folder_name  # lazy: for folders only
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
@@ -153,8 +153,8 @@ class Report:
     tally: Mapping[str, int] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
 
-    def told(self, *warnings: Notice) -> list[str]:
-        """What is said beside the verdicts: where settings come from, and these warnings."""
+    def messages(self, *warnings: Notice) -> list[str]:
+        """Return the messages beside the verdicts: where settings come from, and these warnings."""
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
@@ -165,10 +165,10 @@ class Report:
     @property
     def verdict(self) -> Verdict:
         """The verdict that decides the exit status."""
-        status = self.status  # of all pairs: once
-        found = [one.verdict for one in self.outcomes if one.status == status]
-        passes = Verdict.NOISE in found or Verdict.PASS in found
-        return Verdict.PASS if passes else found[0]
+        status = self.status  # it depends on all pairs, so it is computed once
+        verdicts = [one.verdict for one in self.outcomes if one.status == status]
+        passes = Verdict.NOISE in verdicts or Verdict.PASS in verdicts
+        return Verdict.PASS if passes else verdicts[0]
 
     @property
     def advice(self) -> str:
@@ -178,11 +178,11 @@ class Report:
         return shlex.join(self.again)
 
     def count(self, verdict: Verdict) -> int:
-        """Pairs of a verdict."""
+        """Count the pairs of a verdict."""
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
-def judged_outcome(
+def evaluated_outcome(
     pair: Job,
     now: Measured,
     entry: Json | None,
@@ -191,21 +191,21 @@ def judged_outcome(
     noisy: bool = False,
     **about: Any,
 ) -> PairOutcome:
-    """Verdict, findings and notes of a result against its entry of the baseline.
+    """Return verdict, findings and notes of a result against its entry of the baseline.
 
     Without an entry all rules are absolute limits. `noisy`: the pair is one of several runs with
     other seeds, of which one alone says nothing of an improvement. `about` has further fields.
     """
-    apart = differences(entry, now) if entry else []
-    if apart:
-        return PairOutcome.of(pair, Verdict.INCOMPARABLE, *apart, **about)
+    reasons = differences(entry, now) if entry else []
+    if reasons:
+        return PairOutcome.of(pair, Verdict.INCOMPARABLE, *reasons, **about)
     if entry:
         try:
             check_equal(entry, now)
         except SolverError as error:
             about["status"] = error.exit_status
             return PairOutcome.of(pair, Verdict.ERROR, str(error), **about)
-    findings = [_judged(rule, now, typical(entry) if entry else {}) for rule in rules]
+    findings = [_judge_rule(rule, now, typical(entry) if entry else {}) for rule in rules]
     if noisy:
         findings = [replace(finding, noisy=True) for finding in findings]
     notes = _notes(findings, now, entry)
@@ -221,19 +221,19 @@ def combined_outcome(
     more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Verdict, findings and notes of a group; faults are why it cannot be compared.
+    """Return verdict, findings and notes of a group; faults are why it cannot be compared.
 
     `dead` has a finding for each run that is dead.
     """
     pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
-    found = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
-    notes = [*more, *(text for one in found for text in _sentences(one))]
-    better = [one.rule.path for one in found if one.improved]
+    every = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
+    notes = [*more, *(text for one in every for text in _sentences(one))]
+    better = [one.rule.path for one in every if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
-    return PairOutcome.of(pair, _worst(found), *notes, findings=tuple(found), group=True)
+    return PairOutcome.of(pair, _worst(every), *notes, findings=tuple(every), group=True)
 
 
 TIGHTER = "baseline can be tightened: {} improved by more than the slack"
@@ -245,7 +245,7 @@ def _worst(findings: Iterable[Finding]) -> Verdict:
 
 
 def _unknown(rule: Rule) -> Finding:
-    """Of a value that neither side has."""
+    """Return the finding for a value that neither side has."""
     now = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
     return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.INCOMPARABLE)
 
@@ -253,19 +253,19 @@ def _unknown(rule: Rule) -> Finding:
 def updated_outcome(
     pair: Job, before: Json | None, entry: Json, now: Measured, **about: Any
 ) -> PairOutcome:
-    """What an update of a baseline changes; `about` has further fields."""
+    """Return the changes that an update makes to a baseline; `about` has further fields."""
     notes = _update_notes(before, entry, now)
     changes = _changes(before["values"] if before else {}, entry["values"])
     return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
 
 
-def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
-    """What a rule finds; a class that is on one side only costs 0 on the other."""
+def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
+    """Judge by a rule; a class that is on one side only costs 0 on the other."""
     if is_beside(rule.path):
-        found, base = now.values.get(rule.path), value_at(old, rule.path)
-        if found is None or (base is None and not rule.absolute):
-            return replace(_unknown(rule), now=found) if found else _unknown(rule)
-        return judge(rule, found, base)
+        value, base = now.values.get(rule.path), value_at(old, rule.path)
+        if value is None or (base is None and not rule.absolute):
+            return replace(_unknown(rule), now=value) if value else _unknown(rule)
+        return judge(rule, value, base)
     for name, path in meanings(rule.path):
         own = now.values if name is None else now.classes.get(name)
         before = old if name is None else old.get("by_class", {}).get(name)
@@ -278,8 +278,8 @@ def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
-    values = {path: (value_at(before, path), value_at(after, path)) for path in JUDGED}
+    """Return values that differ between two entries, without bounds: `tgospa` is the upper one."""
+    values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
     for inner in sorted({*old, *new}):
@@ -300,7 +300,7 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
 
 
 def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]:
-    """What the user should know of the baseline."""
+    """Yield notes about the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and now.values["total"].lower <= old["total"] * (1 + 1e-9):
         yield (
@@ -322,7 +322,7 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
 def _sentences(finding: Finding) -> Iterator[str]:
     rule, now = finding.rule, finding.now
     lower, upper, limit = texts(now.lower, now.upper, finding.limit)
-    allowed = f"{'at least ' * rule.least}{limit} allowed by {rule.text}"
+    allowed = f"{'at least ' * rule.is_minimum}{limit} allowed by {rule.text}"
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
         yield f"{warning}{rule.text}: {_absent(finding)}"
@@ -340,7 +340,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
 
 
 def _absent(finding: Finding) -> str:
-    """Why there is nothing to judge."""
+    """Say why there is nothing to judge."""
     path = finding.rule.path
     if names_summary(path):
         return (
@@ -360,7 +360,7 @@ def _absent(finding: Finding) -> str:
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
-    """What is proven of these files, and what is inferred of the tracker."""
+    """Yield what is proven of these files, and what is inferred of the tracker."""
     rule, base = finding.rule, finding.base or 0.0
     now, limit, before = texts(finding.now.lower, finding.limit, base)
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
@@ -393,7 +393,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
 
 
 def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
-    """Where the cost went, as far as the split shows."""
+    """Yield where the cost went, as far as the split shows."""
     moved = [
         f"{path} {number(old[path], 7)} -> {number(values[path].upper, 7)}"
         for path in PARTS
@@ -410,7 +410,7 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """An outcome; that of a group which fails with its parts, and its worst scenes and runs."""
+    """Return an outcome; a group that fails has its parts, and its worst scenes and runs."""
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
     for name in results if one.group and one.verdict is Verdict.FAIL else ():
@@ -431,22 +431,22 @@ def of_its_runs(
             {k: b for k, (_, b) in parts.items()},
         )
     ]
-    for kind, found in sums.items():
+    for kind, sums_of_kind in sums.items():
         worse = sorted(
-            (name for name, (now, base) in found.items() if now > base),
-            key=lambda name: found[name][1] - found[name][0],
+            (name for name, (now, base) in sums_of_kind.items() if now > base),
+            key=lambda name: sums_of_kind[name][1] - sums_of_kind[name][0],
         )
-        if worse and len(found) > 1:
+        if worse and len(sums_of_kind) > 1:
             shown = [
                 f"{name} {now / base - 1:+.1%}" if base else name
-                for name in worse[:MOST_WORST]
-                for now, base in [found[name]]
+                for name in worse[:MAX_WORST]
+                for now, base in [sums_of_kind[name]]
             ]
             notes.append(f"worst {kind}: {', '.join(shown)}")
     return replace(one, notes=(*one.notes, *notes))
 
 
-MOST_WORST = 3
+MAX_WORST = 3
 """Scenes and runs of a group that are named."""
 
 
@@ -455,28 +455,28 @@ def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, 
 
 
 def texts(*numbers: float) -> list[str]:
-    """The numbers with so many digits that those which differ look different.
+    """Format numbers with enough digits that those which differ look different.
 
     The last places are those of outward rounding.
     """
     differ = len({f"{value:.12g}" for value in numbers})
     for digits in (7, 10):
-        found = [number(value, digits) for value in numbers]
-        if len({*found}) == differ:
-            return found
+        shown = [number(value, digits) for value in numbers]
+        if len({*shown}) == differ:
+            return shown
     return [f"{value:,.12g}" for value in numbers]
 
 
 def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
-    """Outcomes of pairs of the baseline that are not among these names."""
+    """Return outcomes of pairs of the baseline that are not among these names."""
     gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
 def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[str]:
-    """What is not seen from the values."""
+    """Yield notes about changes that the values do not show."""
     if before is None:
         yield "new in the baseline"
     elif before == entry:
@@ -502,7 +502,7 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
-    """Arguments without an option that has a value."""
+    """Return arguments without an option that has a value."""
     kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)
@@ -516,12 +516,12 @@ def accepting_options(
     pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
-    """The options that accept what failed or may be tightened, and nothing else."""
+    """Return the options that accept what failed or may be tightened, and nothing else."""
     there = {pair.name: pair for pair in pairs}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}
 
-    def meant(bad: Iterable[PairOutcome]) -> set[str]:
+    def names_of(bad: Iterable[PairOutcome]) -> set[str]:
         names = set[str]()
         for one in bad:
             if not one.group:
@@ -536,14 +536,14 @@ def accepting_options(
             }
         return names
 
-    names = meant(
+    names = names_of(
         one
         for one in outcomes
         if one.verdict is Verdict.INCOMPARABLE
-        or any(found.verdict is Verdict.FAIL for found in one.findings)
+        or any(finding.verdict is Verdict.FAIL for finding in one.findings)
     )
     if not names and not any(one.status for one in outcomes):
-        names = meant(one for one in outcomes if any(found.improved for found in one.findings))
+        names = names_of(one for one in outcomes if any(each.improved for each in one.findings))
     if not names:
         return []
     some = [] if names >= there.keys() else patterns_of(names, {*there, *old})

@@ -1,4 +1,4 @@
-"""What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
+"""Report of a gate: a table of 80 columns, JSON, Markdown for a pull request."""
 
 import math
 import os
@@ -20,18 +20,18 @@ from tgospa_eval.text import clipped, ending, listed, option, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
-"""Of the columns: pair, rule, three numbers, verdict."""
+"""Widths of the columns: pair, rule, three numbers, verdict."""
 
 
 def title(outcome: PairOutcome) -> str:
-    """What to call a pair, or a group."""
+    """Return the title of a pair, or a group."""
     if outcome.group:
         return f"group {outcome.name}"
     return outcome.estimate if outcome.name == ONLY_PAIR and outcome.estimate else outcome.name
 
 
 def headline(report: Report) -> str:
-    """The verdict and what it is made of, in one line."""
+    """Return the verdict and the counts behind it, in one line."""
     parts = [f"{count} {what}" for what, count in report.tally.items()]
     for kind, group in (("group", True), ("pair", False)) if not parts else ():
         of_kind = [one.verdict for one in report.outcomes if one.group is group]
@@ -51,12 +51,12 @@ FIRST = (Verdict.FAIL, Verdict.ERROR, Verdict.INCOMPARABLE, Verdict.UNDECIDED)
 
 
 def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool]) -> int:
-    """The place of a row of `rows_of` before rows of other verdicts."""
+    """Return a sort key that puts the worst verdicts first, for a row of `rows_of`."""
     return FIRST.index(Verdict(row[3])) if row[3] in FIRST else len(FIRST)
 
 
 UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
-"""Of values that are marked."""
+"""Note on values that are marked."""
 
 LIMITS = ("baseline", "limit", "now")
 
@@ -64,7 +64,7 @@ LIMITS = ("baseline", "limit", "now")
 def rows_of(
     report: Report,
 ) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
-    """Of each rule the pair, its text, baseline, limit, value, the verdict, whether proven.
+    """Yield for each rule the pair, its text, baseline, limit, value, verdict, whether proven.
 
     Of an update each value that changes, before and after; of what could not be judged a single
     row without numbers.
@@ -74,8 +74,8 @@ def rows_of(
             yield outcome, path, change, "", True
         for finding in outcome.findings:
             base = None if finding.rule.absolute else finding.base
-            # The bound that decides.
-            first = (finding.verdict is Verdict.FAIL) is not finding.rule.least
+            # The bound on which the verdict depends.
+            first = (finding.verdict is Verdict.FAIL) is not finding.rule.is_minimum
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
             yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
@@ -87,12 +87,12 @@ def rows_of(
 
 
 def table(report: Report, width: int = rendering.WIDTH) -> str:
-    """The rules of all pairs, then notes about them; passing ones are folded if they are many."""
+    """Return the rules of all pairs, then notes; many passing rules are folded."""
     updated = report.verdict is Verdict.UPDATED
-    found = list(rows_of(report))
-    shown = found
-    if len(found) > MANY_ROWS:  # of an update the totals
-        shown = [row for row in found if (row[1] == "total" if updated else row[3] not in QUIET)]
+    all_rows = list(rows_of(report))
+    shown = all_rows
+    if len(all_rows) > MANY_ROWS:  # an update shows the totals only
+        shown = [row for row in all_rows if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
     rules = min(rules, max(WIDTHS[1], width // 3))
@@ -112,14 +112,14 @@ def table(report: Report, width: int = rendering.WIDTH) -> str:
     lines = rendering.text_lines(
         rendering.Table(head=head, rows=rows, align="llrrrl", widths=widths), ""
     )
-    if len(found) > len(shown):
-        lines.append(f"... and {len(found) - len(shown)} {'values' if updated else 'that pass'}")
+    if len(all_rows) > len(shown):
+        lines.append(f"... and {len(all_rows) - len(shown)} {'values' if updated else 'that pass'}")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
         lines += ["", f"* {UNPROVEN}"]
     lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
     notes = [line for text in notes_of(report.outcomes) for line in lay.wrap(visible(text))]
     blocks = [lay.wrap(headline(report)), lines if len(lines) > 1 else [], notes]
-    blocks += [lay.wrap(visible(text)) for text in report.told()]
+    blocks += [lay.wrap(visible(text)) for text in report.messages()]
     if report.advice:
         title_of = lay.wrap(visible(f"{accept_title(report)}:"))
         blocks.append([*title_of, f"  {visible(report.advice)}"])
@@ -131,12 +131,12 @@ MANY_ROWS = 40
 
 
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
-    """What is said of pairs, each sentence once; of errors nothing, which are on stderr."""
-    found: dict[str, list[str]] = {}
+    """Yield notes on pairs, each sentence once; errors have none, as they are on stderr."""
+    titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
         for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
-            found.setdefault(note, []).append(title(outcome))
-    for note, names in found.items():
+            titles.setdefault(note, []).append(title(outcome))
+    for note, names in titles.items():
         yield f"{listed(names, SAID_OF)}: {note}"
 
 
@@ -145,7 +145,7 @@ SAID_OF = 3
 
 
 def shortened(names: Sequence[str], width: int) -> list[str]:
-    """Names in so many characters that differ where the names do, where that can be."""
+    """Shorten names to so many characters, different where the names differ, if that can be."""
     if max(map(len, names), default=0) <= width:
         return [*names]
     parts = [name.split("/") for name in names]
@@ -153,7 +153,7 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Within their parts as well: names such as run-01-of-the-suite.
+        # Names such as run-01-of-the-suite share the ends of their parts as well.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -170,18 +170,18 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
 
 
 def _prefix(names: Sequence[str]) -> str:
-    """What all begin with, which leaves a character of each at least."""
+    """Return the common prefix, which leaves a character of each at least."""
     return min(names)[: _common(names)]
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """How many first parts are the same in all, which leaves one of each at least."""
+    """Count the first parts that are the same in all, which leaves one of each at least."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
 
 def accept_title(report: Report) -> str:
-    """What the command is called that accepts what failed."""
+    """Return the title of the command that accepts what failed."""
     until = f"; {report.against} judges until it has this" if report.against else ""
     return f"To accept this, if it is right{until}"
 
@@ -193,17 +193,17 @@ QUIET = (Verdict.PASS, IN_NOISE)
 
 
 def in_words(verdict: Verdict) -> str:
-    """A verdict as people read it."""
+    """Spell a verdict for readers."""
     return IN_NOISE if verdict is Verdict.NOISE else verdict
 
 
 def shown_verdict(finding: Finding) -> str:
-    """The verdict of a rule; one that only warns and is not proven to hold is a warning."""
+    """Return the verdict of a rule; one that only warns and is not proven to hold is a warning."""
     return "warning" if finding.warning else in_words(finding.verdict)
 
 
 def number_of(value: float | None) -> str:
-    """A number in its column; what is not known is a dash."""
+    """Format a number for its column; an unknown one is a dash."""
     if value is None or math.isnan(value):
         return "-"
     text = number(value, 7)
@@ -211,7 +211,7 @@ def number_of(value: float | None) -> str:
 
 
 def json_report(report: Report) -> str:
-    """The report with sorted keys, never NaN or Infinity."""
+    """Return the report as JSON with sorted keys, never NaN or Infinity."""
     document = {
         "schema": SCHEMA,
         "version": report.version,
@@ -229,7 +229,7 @@ def json_report(report: Report) -> str:
 
 
 OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
-"""What the JSON has of a pair as it is."""
+"""Fields of a pair that the JSON has as they are."""
 
 
 def _pair(outcome: PairOutcome) -> Json:
@@ -243,7 +243,7 @@ def _pair(outcome: PairOutcome) -> Json:
 
 
 def finding_record(finding: Finding) -> Json:
-    """What a rule found, as the JSON has it."""
+    """Return a finding as the JSON has it."""
     return {
         "rule": finding.rule.text,
         "warns": finding.rule.warns,
@@ -260,22 +260,22 @@ def finding_record(finding: Finding) -> Json:
 
 
 def _inference(inference: Inference) -> Json:
-    found = vars(inference) | {"noticeable": _finite(inference.noticeable)}
-    return {name: value for name, value in found.items() if name != "better"}
+    record = vars(inference) | {"noticeable": _finite(inference.noticeable)}
+    return {name: value for name, value in record.items() if name != "better"}
 
 
 def _finite(value: float) -> float | None:
-    """The number, if JSON can express it."""
+    """Return the number, if JSON can express it."""
     return value if math.isfinite(value) else None
 
 
 def markdown(report: Report) -> str:
-    """A table for a pull request, of a length that comments may have."""
+    """Return a table for a pull request, of a length that comments may have."""
     return summary(report, COMMENT).decode()
 
 
 def github_lines(report: Report) -> Iterator[str]:
-    """The lines of the Markdown report: the verdict, what fails and why, the rest, what passes."""
+    """Yield the Markdown report: the verdict, what fails and why, the rest, what passes."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
     bad, quiet = (
@@ -296,9 +296,9 @@ def github_lines(report: Report) -> Iterator[str]:
     fold, later = len(rows[False]) > FOLDED, len(rows[None]) > MANY_ROWS
     first = rows[True] + ([] if later else rows[None]) + ([] if fold else rows[False])
 
-    def lines_of(found: Sequence[rendering.Row]) -> list[str]:
+    def lines_of(rows: Sequence[rendering.Row]) -> list[str]:
         return rendering.markdown_lines(
-            rendering.Table(head=("pair", *head), rows=found, align=align), escape=str
+            rendering.Table(head=("pair", *head), rows=rows, align=align), escape=str
         )
 
     yield from (*lines_of(first), "") if first else ()
@@ -311,7 +311,7 @@ def github_lines(report: Report) -> Iterator[str]:
             for warning in map(str, outcome.warnings):
                 yield f"- {rendering.markdown_code(title(outcome))}: {rendering.markdown(warning)}"
         if some is bad:
-            yield from (f"- {rendering.markdown(text)}" for text in report.told())
+            yield from (f"- {rendering.markdown(text)}" for text in report.messages())
             yield from advice_lines(report)
             yield from ("", *lines_of(rows[None]), "") if later else ()
     if fold:
@@ -320,7 +320,7 @@ def github_lines(report: Report) -> Iterator[str]:
 
 
 def advice_lines(report: Report) -> list[str]:
-    """How Markdown proposes the command that accepts what failed."""
+    """Return the lines of Markdown that propose the command which accepts what failed."""
     if not report.advice:
         return []
     return [
@@ -334,7 +334,7 @@ FOLDED = 5
 
 
 def change(values: tuple[float | None, ...]) -> str | None:
-    """From the baseline to now, in per cent."""
+    """Return the change from the baseline to now, in per cent."""
     base, now = values[0], values[-1]
     return f"{now / base - 1:+.1%}" if base and now is not None else None
 
@@ -348,15 +348,15 @@ GATE_REPORTS = {
     "json": json_report,
     "markdown": markdown,
 }
-"""What ``--format`` of the gate prints, by name."""
+"""Reports of the gate, by the name of ``--format``."""
 
 
 # -------------------------------------------------------------------------------------------------
-# What a gate found for GitHub Actions: annotations and the step summary, within GitHub's limits.
+# Report for GitHub Actions: annotations and the step summary, within GitHub's limits.
 #
 # Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
 
-MOST_ANNOTATIONS = 10
+MAX_ANNOTATIONS = 10
 """Annotations of one kind that GitHub shows of a step."""
 
 LONGEST = 1000
@@ -372,7 +372,7 @@ CUT = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
 
 def annotations(report: Report) -> Iterator[str]:
-    """Workflow commands: an error for each pair that does not pass, a warning if one warns."""
+    """Yield workflow commands: an error for each pair that does not pass, or a warning."""
     errors = [
         (title(outcome), "\n".join((outcome.verdict, *outcome.notes)))
         for outcome in report.outcomes
@@ -386,12 +386,12 @@ def annotations(report: Report) -> Iterator[str]:
             lines.insert(0, f"broken or undecided, for a warning only: {broken}")
         if lines:
             warnings.append((title(outcome), "\n".join(lines)))
-    for kind, found in (("error", errors), ("warning", warnings)):
-        shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
+    for kind, entries in (("error", errors), ("warning", warnings)):
+        shown = entries if len(entries) <= MAX_ANNOTATIONS else entries[: MAX_ANNOTATIONS - 1]
         for name, text in shown:
             yield _command(kind, f"TGOSPA gate: {name}", text)
-        if len(found) > len(shown):
-            rest = found[len(shown) :]
+        if len(entries) > len(shown):
+            rest = entries[len(shown) :]
             names = ", ".join(name for name, _ in rest)
             yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
 
@@ -423,11 +423,11 @@ def append_summary(report: Report, path: str | None) -> None:
 
 
 def summary(report: Report, room: int) -> bytes:
-    """The Markdown report in at most so many bytes."""
+    """Return the Markdown report in at most so many bytes."""
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command is there, wherever the rest is cut, unless it takes the place of all else.
+    # The command is always included, unless it would leave no room for anything else.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(CUT.encode()) + len(END) + len(advice)
@@ -440,15 +440,15 @@ def summary(report: Report, room: int) -> bytes:
     end = END if any(line.startswith(b"\n<details>") for line in shown) else b""
     if not shown:
         return b""
-    cut = b"".join((*shown, end))
-    return b"".join((cut, b"" if advice in cut else advice, CUT.encode()))
+    text = b"".join((*shown, end))
+    return b"".join((text, b"" if advice in text else advice, CUT.encode()))
 
 
 END = b"\n</details>\n"
 
 
 # -------------------------------------------------------------------------------------------------
-# What a gate found as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
+# Report as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
 #
 # A rule that is broken is a failure, what could not be judged an error; a warning passes with a
 # text.
@@ -460,13 +460,13 @@ PAGE = "gate.html"
 
 
 def junit(report: Report, folder: str | None = None) -> str:
-    """The report as a document; `folder` has its pages, to which cases that do not pass point."""
+    """Return the report as a document; `folder` has its pages, to which cases that fail point."""
     cases: list[str] = []
     for outcome in report.outcomes:
-        told = report.told(*outcome.warnings)
+        messages = report.messages(*outcome.warnings)
         if folder and any(one.verdict is not Verdict.PASS for one in outcome.findings):
-            told.append(f"[[ATTACHMENT|{os.path.join(folder, outcome.page_name or PAGE)}]]")
-        cases += _cases(outcome, told)
+            messages.append(f"[[ATTACHMENT|{os.path.join(folder, outcome.page_name or PAGE)}]]")
+        cases += _cases(outcome, messages)
     attributes = {
         "name": SUITE,
         "tests": str(len(cases)),
@@ -485,23 +485,23 @@ def junit(report: Report, folder: str | None = None) -> str:
     )
 
 
-def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
-    """A case for each rule, or one for what could not be judged; the first has time and lines."""
+def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
+    """Yield a case for each rule, or one for an error; the first has time and lines."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
         kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
         result = _result(kind, outcome.verdict, text) if outcome.status else ""
-        yield _case(outcome, "gate", outcome.seconds, result + _output(told))
+        yield _case(outcome, "gate", outcome.seconds, result + _output(messages))
     for place, finding in enumerate(outcome.findings):
         verdict = shown_verdict(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
-        least = "at least " if finding.rule.least else ""
+        words = "at least " if finding.rule.is_minimum else ""
         lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
         value = lower if lower == upper else f"between {lower} and {upper}"
-        about = f"{finding.rule.path} is {value}, allowed is {least}{limit}{mark}"
+        about = f"{finding.rule.path} is {value}, allowed is {words}{limit}{mark}"
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
-        result, lines = "", [] if place else told
+        result, lines = "", [] if place else messages
         if finding.warning or verdict == IN_NOISE:
             lines = [f"{verdict}: {about}", *lines]
         elif verdict == Verdict.FAIL:
@@ -509,9 +509,11 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
         seconds = 0.0 if place else outcome.seconds
-        # Without the limit: a case keeps its history where that changes.
+        # The name has no limit in it, so that a case keeps its history when the limit changes.
         rule = finding.rule
-        kind = (" min" if rule.least else " max") if rule.absolute else " less" * rule.least
+        kind = (
+            (" min" if rule.is_minimum else " max") if rule.absolute else " less" * rule.is_minimum
+        )
         kind += " warning" * rule.warns
         yield _case(outcome, rule.path + kind, seconds, result + _output(lines))
 
@@ -544,7 +546,7 @@ LEVELS = (0.01, 0.03, 0.1, 0.3)
 
 
 def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
-    """The files of the folder by name.
+    """Return the files of the folder by name.
 
     Parameters
     ----------
@@ -563,7 +565,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 
 def page(report: Report, seed: str) -> str:
-    """The page of all pairs: words and numbers from a template, without a script."""
+    """Return the page of all pairs: words and numbers from a template, without a script."""
     from tgospa_eval.show.html import images, still_page  # lazy: for folders only
 
     rows = [
@@ -584,7 +586,7 @@ def page(report: Report, seed: str) -> str:
         report=report,
         headline=headline(report),
         accept_title=accept_title(report),
-        beside=report.told(),
+        beside=report.messages(),
         failing=[row for row in rows if not row["passes"]],
         passing=[row for row in rows if row["passes"]],
         notes=list(notes_of(report.outcomes)),
@@ -599,31 +601,31 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Seeds, and for each scene a cell for each seed; nothing without values."""
-    found: dict[str, dict[str, PairOutcome]] = {}
+    """Return seeds, and for each scene a cell for each seed; nothing without values."""
+    scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:
             scene = "/".join(text for label, text in one.labels.items() if label != seed)
-            found.setdefault(scene if seed in one.labels else one.name, {})[
+            scenes.setdefault(scene if seed in one.labels else one.name, {})[
                 one.labels.get(seed, "")
             ] = one
-    seeds = sorted({name for runs in found.values() for name in runs}, key=natural)
+    seeds = sorted({name for runs in scenes.values() for name in runs}, key=natural)
     return seeds, [
         (scene, [_grid_cell(runs.get(name)) for name in seeds])
-        for scene, runs in sorted(found.items(), key=lambda item: natural(item[0]))
+        for scene, runs in sorted(scenes.items(), key=lambda item: natural(item[0]))
     ]
 
 
 def _totals(report: Report, seed: str) -> dict[str, tuple[list[float], list[float]]]:
-    """The totals of runs of the baseline, and those of now, by scene."""
-    found: dict[str, tuple[list[float], list[float]]] = {}
+    """Return the totals of runs of the baseline, and those of now, by scene."""
+    totals: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:
         if one.values and one.base and seed in one.labels:
             scene = "/".join(text for label, text in one.labels.items() if label != seed)
-            old, now = found.setdefault(scene or "all runs", ([], []))
+            old, now = totals.setdefault(scene or "all runs", ([], []))
             old.append(one.base)
             now.append(one.values["total"].upper)
-    return found
+    return totals
 
 
 def _grid_cell(one: PairOutcome | None) -> Json:
@@ -631,7 +633,7 @@ def _grid_cell(one: PairOutcome | None) -> Json:
         return {"text": "", "level": "", "link": ""}
     ends = one.base, one.values["total"].upper
     share = ends[1] / ends[0] - 1 if ends[0] else 0.0
-    level = sum(abs(share) >= least for least in LEVELS)
+    level = sum(abs(share) >= threshold for threshold in LEVELS)
     kind = "worse" if share > 0 else "better"
     return {
         "text": change(ends) or "-",

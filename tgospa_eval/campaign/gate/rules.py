@@ -23,24 +23,24 @@ SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
 """Values of the assigned pairs of one optimal assignment; classes have none."""
 
-JUDGED = (*PROVEN, *SPLIT, *OF_NEES)
+RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
 """All that a rule can name, but for those of classes."""
 
 
 def is_beside(path: str) -> bool:
-    """Whether a value is not of the cost, but of the assigned pairs: NEES or the summary."""
+    """Return whether a value is not of the cost, but of the assigned pairs: NEES or the summary."""
     return path in OF_NEES or names_summary(path)
 
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
+"""Ends of a path, the longer of two first: ``counts.missed`` before ``missed``."""
 
 TOLERANCE = 1e-6
-"""Of rules on the split: in counts, or in units of c^p."""
+"""Tolerance of rules on the split: in counts, or in units of c^p."""
 
-LEAST_SLACK = 1e-9
-"""Least slack of the default rule, in units of c^p."""
+MIN_SLACK = 1e-9
+"""Smallest slack of the default rule, in units of c^p."""
 
 NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
@@ -50,7 +50,7 @@ _RANGE = r"(?P<path>.+):\s*(?P<least>[^:]*?)\s*\.\.\s*(?P<most>[^:]*)"
 
 
 class Verdict(StrEnum):
-    """What is known of a pair, or of one rule."""
+    """Verdict on a pair, or on one rule."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -89,7 +89,7 @@ one pass.
 
 
 def worst(statuses: Iterable[int]) -> int:
-    """The exit status of several."""
+    """Return the exit status of several verdicts."""
     return min(statuses, key=SEVERITY.index, default=0)
 
 
@@ -112,12 +112,12 @@ class Value(Interval):
 
     @classmethod
     def of(cls, number: float, unit: float = 1.0) -> "Value":
-        """One of the reported assignment, not proven."""
+        """Return a value of the reported assignment, not proven."""
         return cls(lower=number, upper=number, proven=False, unit=unit)
 
     @property
     def tolerance(self) -> float:
-        """What a limit may be exceeded by."""
+        """Amount by which a limit may be exceeded."""
         return 0.0 if self.proven else TOLERANCE * self.unit
 
 
@@ -139,7 +139,7 @@ class Rule:
         Least slack, in units of the value.
     absolute : bool
         Whether the limit does not depend on the baseline.
-    least : bool
+    is_minimum : bool
         Whether it is the least value that is allowed, not the largest.
     warns : bool
         Whether breaking it is a warning only.
@@ -151,29 +151,29 @@ class Rule:
     relative: bool = False
     floor: float = 0.0
     absolute: bool = False
-    least: bool = False
+    is_minimum: bool = False
     warns: bool = False
 
     def limit(self, base: float | None, unit: float) -> float:
-        """The last value that keeps the rule, given that of the baseline."""
+        """Return the last value that keeps the rule, given that of the baseline."""
         if self.absolute:
             return self.slack
         if base is None:
             raise ConfigError(f"{self.text}: the baseline has no {self.path}")
         slack = base * self.slack if self.relative else self.slack
-        limit = base - slack if self.least else base + max(slack, self.floor * unit)
+        limit = base - slack if self.is_minimum else base + max(slack, self.floor * unit)
         if math.isinf(limit):
             raise ConfigError(f"{self.text}: allows more than any number; choose a smaller one")
         return limit
 
 
-DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=LEAST_SLACK)
+DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
 """The rule that holds where none is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """What runs with other seeds say of the tracker, beside what is proven of these files.
+    """Statement about the tracker from runs with other seeds, beside the proof for these files.
 
     Parameters
     ----------
@@ -205,13 +205,13 @@ class Inference:
     jump: str = ""
 
     def supports(self, p_value: float) -> bool:
-        """Whether this is below what the confidence leaves."""
+        """Return whether this is below what the confidence leaves."""
         return p_value <= 1 - self.confidence + 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What a rule found.
+    """Finding of one rule.
 
     Parameters
     ----------
@@ -244,17 +244,17 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """Whether the change is proven: by brackets, of values on the same truths."""
+        """True if the change is proven by brackets of values on the same truths."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """Whether it is a rule that only warns, and is not proven to hold."""
+        """True if the rule only warns, and is not proven to hold."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
     def improved(self) -> bool:
-        """Whether the value is better than the baseline by more than the rule's slack."""
+        """True if the value is better than the baseline by more than the rule's slack."""
         if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
@@ -264,7 +264,7 @@ class Finding:
 
 
 def judge(rule: Rule, now: Value, base: float | None) -> Finding:
-    """Whether the value keeps the rule, as far as its bracket proves it.
+    """Judge whether the value keeps the rule, as far as its bracket proves it.
 
     Raises
     ------
@@ -272,7 +272,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
         The rule needs a value that the baseline does not have.
     """
     limit = rule.limit(base, now.unit)
-    sign = -1 if rule.least else 1
+    sign = -1 if rule.is_minimum else 1
     best, worst_ = sorted((sign * now.lower, sign * now.upper))
     if best > sign * limit + now.tolerance:
         verdict = Verdict.FAIL
@@ -284,7 +284,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 
 
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
-    """The rule of ``PATH:+N`` or ``PATH:+N%``.
+    """Parse the rule ``PATH:+N`` or ``PATH:+N%``.
 
     ``PATH:-N`` is how much less than in the baseline NEES, or a number of the summary, may be.
 
@@ -298,30 +298,30 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
             f"{option(name)} {quoted(text)}: best-of-last is gone: a rule such as total:+5% "
             "judges by the baseline, which does not drift until it is renewed"
         )
-    found = re.fullmatch(_RULE, text.strip())
-    slack = _not_negative(found["slack"]) if found else None
-    if found is None or slack is None:
+    match = re.fullmatch(_RULE, text.strip())
+    slack = _not_negative(match["slack"]) if match else None
+    if match is None or slack is None:
         raise ConfigError(
             f"{option(name)} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%, or "
             "PATH:LEAST..MOST"
         )
-    path = _path(found["path"].strip(), name, text)
-    relative, less = found["percent"] == "%", found["sign"] == "-"
+    path = _path(match["path"].strip(), name, text)
+    relative, less = match["percent"] == "%", match["sign"] == "-"
     if not is_beside(path) if less else path == OF_NEES[-1]:
         right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
         raise ConfigError(f"{option(name)} {quoted(text)}: {path} {right}")
     return Rule(
-        text=f"{path}:{found['sign']}{found['slack'].strip()}{found['percent']}",
+        text=f"{path}:{match['sign']}{match['slack'].strip()}{match['percent']}",
         path=path,
         slack=slack / 100 if relative else slack,
         relative=relative,
-        least=less,
+        is_minimum=less,
         warns=name == "warn_on",
     )
 
 
 def parse_maximum(text: str) -> Rule:
-    """The rule of ``NAME=VALUE``.
+    """Parse the rule ``NAME=VALUE``.
 
     Raises
     ------
@@ -339,7 +339,7 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """All rules of texts, each of which may be a list; the usual one where none says when to fail.
+    """Return all rules of texts, each of which may be a list; by default the usual one.
 
     Raises
     ------
@@ -354,7 +354,7 @@ def parse_rules(
 
 
 def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
-    """Those of one option; a range ``PATH:LEAST..MOST`` is a rule for each end that it has."""
+    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` has a rule for each end."""
     for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
@@ -370,14 +370,16 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
                     f"{option(name)} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
                     "PATH:..MOST, as nees:1.5..2.5"
                 )
-            least = sign == "least"
-            shown = f"{path}{'>=' if least else '<='}{given[sign]}"
+            low = sign == "least"
+            shown = f"{path}{'>=' if low else '<='}{given[sign]}"
             warns = name == "warn_on"
-            yield Rule(text=shown, path=path, slack=limit, absolute=True, least=least, warns=warns)
+            yield Rule(
+                text=shown, path=path, slack=limit, absolute=True, is_minimum=low, warns=warns
+            )
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
-    """The class, if it names one, and the value that a path may mean, likeliest first.
+    """Return the class, if any, and the value that a path may mean, likeliest first.
 
     The name of a class may have dots: the longer tail comes first, ``counts.missed`` before
     ``missed``.
@@ -389,14 +391,14 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
 
 
 def _each(texts: Iterable[str]) -> Iterator[str]:
-    """The rules of lists with commas.
+    """Yield the rules of lists with commas.
 
     Only a comma after the number ends a rule: the name of a class may have commas itself.
     """
     for text in texts:
         parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)
-        found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
-        yield from [rule for rule in found if rule.strip()] or [text]
+        rules = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
+        yield from [rule for rule in rules if rule.strip()] or [text]
 
 
 def _not_negative(text: str) -> float | None:
@@ -405,8 +407,8 @@ def _not_negative(text: str) -> float | None:
 
 
 def _path(path: str, name: str, text: str) -> str:
-    if not names_summary(path) and not any(value in JUDGED for _, value in meanings(path)):
-        there = NUMBERS if path.startswith(f"{SUMMARY}.") else JUDGED
+    if not names_summary(path) and not any(value in RULE_VALUES for _, value in meanings(path)):
+        there = NUMBERS if path.startswith(f"{SUMMARY}.") else RULE_VALUES
         raise ConfigError(
             f"{option(name)} {quoted(text)}: {quoted(path)} cannot be judged; there are "
             f"{', '.join(there)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on; "

@@ -56,11 +56,11 @@ class Target:
         self.commit = commit.decode().strip()
 
     def name(self, path: str) -> str:
-        """The name of a file in messages."""
+        """Return the name of a file in messages."""
         return f"{self.where}:{path}" if self.commit else os.path.join(self.where, path)
 
     def read(self, path: str) -> bytes | None:
-        """The content of a file, links followed; None where the target has no such file.
+        """Return the content of a file, links followed; None where the target has no such file.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Target:
         return content[:-1] if re.fullmatch(rb"[0-9a-f]+ blob [0-9]+", head) else None
 
     def demand(self, path: str) -> bytes:
-        """The content of a file that has to be there.
+        """Return the content of a file that must exist.
 
         Raises
         ------
@@ -90,11 +90,11 @@ class Target:
         return content
 
     def has(self, path: str) -> bool:
-        """Whether it has this file, or a folder with files."""
+        """Return whether it has this file, or a folder with files."""
         return not self._with_folders.isdisjoint(_places(path))
 
     def has_another(self, path: str) -> bool:
-        """Whether it has this file, or a file of this folder, with another content."""
+        """Return whether it has this file, or a file of this folder, with another content."""
         if self.commit:
             return not self._changed.isdisjoint(_places(path))
         file = os.path.join(self.where, os.path.relpath(_file(path)))
@@ -130,7 +130,7 @@ class Target:
         return _with_folders(self._listed(*DIFF, self.commit))
 
     def _listed(self, *arguments: str) -> list[str]:
-        """Paths that git lists, in the working tree.
+        """Return paths that git lists, in the working tree.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class Target:
 
 
 def last_change(path: str) -> Target | None:
-    """The commit that changed a file last; None without one."""
+    """Return the last commit that changed a file; None without one."""
     commit = _git("log", "-1", "--format=%h", "--", path) if path else None
     return Target(commit.decode().strip()) if commit else None
 
@@ -157,35 +157,35 @@ DIFF = (
 
 
 def _file(path: str) -> str:
-    """The file of a path, which may name a variable in it."""
+    """Return the file of a path, which may name a variable in it."""
     named = re.match(WITH_VARIABLES, path)
     return named[1] if named else path
 
 
 def _places(path: str) -> set[str]:
-    """A file as its links name it, and where it is."""
+    """Return the paths of a file: as its links name it, and where it is."""
     return {os.path.abspath(_file(path)), os.path.realpath(_file(path))}
 
 
 def _walk(folder: str) -> Iterator[str]:
-    """All files below a folder."""
+    """Yield all files below a folder."""
     for above, inner, names in os.walk(folder):
         inner[:] = sorted(name for name in inner if name != ".git")
         yield from (os.path.join(above, name) for name in sorted(names))
 
 
 def _with_folders(files: Iterable[str]) -> set[str]:
-    """Files, and the folders above them."""
-    seen = set[str]()
+    """Return files, and the folders above them."""
+    paths = set[str]()
     for file in files:
-        while file not in seen:
-            seen.add(file)
+        while file not in paths:
+            paths.add(file)
             file = os.path.dirname(file)
-    return seen
+    return paths
 
 
 def _git(*arguments: str, given: bytes = b"") -> bytes | None:
-    """The output of git, of what it reads; None where it fails."""
+    """Return the output of a git command that only reads; None where it fails."""
     try:
         done = subprocess.run(("git", *arguments), input=given, capture_output=True, check=False)
     except FileNotFoundError:
@@ -233,18 +233,18 @@ class GroupTable:
     seed: str = SEED
 
     def has(self, labels: Mapping[str, str]) -> bool:
-        """Whether a pair with these labels is in one of the groups."""
+        """Return whether a pair with these labels is in one of the groups."""
         return labels.keys() >= {*patterns.fields(self.name)}
 
     def group_of(self, labels: Mapping[str, str]) -> str | None:
-        """The name of the group of such a pair, if it is in one."""
+        """Return the name of the group of such a pair, if it is in one."""
         return patterns.fill(self.name, labels) if self.has(labels) else None
 
 
 def load_suite(
     path: str, known: Mapping[str, bool], target: Target | None = None
 ) -> tuple[list[Job], list[GroupTable], str | None, list[str]]:
-    """Pairs and groups of a suite, its baseline if it names one, notices of what is passed over.
+    """Return pairs and groups of a suite, its baseline if it names one, notices of skipped files.
 
     Paths are relative to its folder; pairs are in its order, those of one pattern by name.
 
@@ -281,24 +281,24 @@ def load_suite(
     for number, table in enumerate(_tables(document, "limits", path), start=1):
         pairs = _limited(pairs, table, f"{path}, limits {number}")
     groups = _tables(document, "group", path)
-    seen: dict[str, Job] = {}
+    named: dict[str, Job] = {}
     for pair in pairs:
         if pair.fault:
             continue
-        if pair.name in seen:
+        if pair.name in named:
             raise ConfigError(
                 f"{path}: the name {quoted(pair.name)} is there twice, for "
-                f"{seen[pair.name].truth} and {pair.truth}; give every [[pair]] a name of its own"
+                f"{named[pair.name].truth} and {pair.truth}; give every [[pair]] a name of its own"
             )
-        seen[pair.name] = pair
+        named[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
-    found = [_group(table, pairs, f"{path}, group {k}") for k, table in enumerate(groups, start=1)]
+    made = [_group(table, pairs, f"{path}, group {k}") for k, table in enumerate(groups, start=1)]
     where = None if baseline is None else os.path.join(folder, baseline)
-    return pairs, found, where, list(dict.fromkeys(notices))
+    return pairs, made, where, list(dict.fromkeys(notices))
 
 
 def _tables(document: Table, key: str, path: str) -> list[Table]:
-    """The tables of a list of them."""
+    """Check a list of tables and return it."""
     tables = document.get(key, [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f"{path}: {quoted(key)} must be a list of tables; write [[{key}]]")
@@ -306,7 +306,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """All pairs, those that match with the rules of the table."""
+    """Return all pairs, those that match with the rules of the table."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -318,15 +318,15 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Rules, and rules that go before them."""
-    found = dict(rules)
+    """Return rules, and rules that go before them."""
+    merged = dict(rules)
     for key, texts in own.items():
-        found[key] = texts if key == "fail-on" else (*found.get(key, ()), *texts)
-    return found
+        merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
+    return merged
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """A table of groups; its labels are those of some pair."""
+    """Return a table of groups; its labels must be those of some pair."""
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -347,7 +347,7 @@ def make_group(
     labels: Container[str],
     where: str,
 ) -> GroupTable:
-    """Groups by a pattern.
+    """Make groups by a pattern.
 
     Raises
     ------
@@ -365,8 +365,8 @@ def make_group(
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
             raise ConfigError(f"{where}: {quoted(name)}: runs of a group differ in {{{seed}}}")
-    found = tuple(parse_rules(*rules))
-    return GroupTable(name=name, rules=found, confidence=float(confidence), seed=seed)
+    rules_of_group = tuple(parse_rules(*rules))
+    return GroupTable(name=name, rules=rules_of_group, confidence=float(confidence), seed=seed)
 
 
 def _pairs(
@@ -377,12 +377,12 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """The pairs of one table: one, or one for each file that its pattern finds; more notices."""
+    """Yield the pairs of a table: one, or one for each file of its pattern; add notices."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
-    others = [word for word in patterns.fields(estimate) if word not in words]
-    of_all = (*others, *words)
+    own_fields = [word for word in patterns.fields(estimate) if word not in words]
+    of_all = (*own_fields, *words)
     name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in of_all)
     unknown = [word for word in patterns.fields(name) if word not in of_all]
     if unknown:
@@ -392,28 +392,28 @@ def _pairs(
         )
     options = common[0] | _options(table, where, known, folder)
     rules = _merged(common[1], _rules(table, where))
-    found, estimates, told = match(truth, estimate, (folder, folder))
-    notices += told
-    groups = groups_of((values for _, values in estimates), others) if others else [{}]
-    if not found or not groups:
+    truths, estimates, skipped = match(truth, estimate, (folder, folder))
+    notices += skipped
+    groups = groups_of((values for _, values in estimates), own_fields) if own_fields else [{}]
+    if not truths or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
-        fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
+        fault = f"{where}: no file is like {quoted(theirs if truths else pattern)}"
         yield Job(name=name, truth=pattern, estimate=theirs, fault=fault)
-    known_truths = {tuple(values.items()) for values in found}
-    alone = [
+    known_truths = {tuple(values.items()) for values in truths}
+    unmatched = [
         file
         for file, values in estimates
         if words and tuple((word, values.get(word)) for word in words) not in known_truths
     ]
-    if alone:
-        which = listed([os.path.join(folder, file) for file in alone], 3)
+    if unmatched:
+        which = listed([os.path.join(folder, file) for file in unmatched], 3)
         notices.append(f"{which}: no truth is like {quoted(truth)}: not judged")
-    for file, _ in estimates if others else ():
+    for file, _ in estimates if own_fields else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
             yield Job(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
             return
-    for values in (group | own for group in groups for own in found):
+    for values in (group | own for group in groups for own in truths):
         yield Job(
             name=patterns.fill(name, values) or ONLY_PAIR,
             truth=os.path.join(folder, patterns.fill(truth, values)),
@@ -425,7 +425,7 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Pairs by patterns, whose truths or trackers the target has and the working tree lacks."""
+    """Yield pairs by patterns, whose truths or trackers only the target has."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():

@@ -32,7 +32,7 @@ OF_RESULTS = {
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
-# Those that only this verb has are not read from settings files, which are those of all verbs.
+# Options that only this verb has are not read from settings files, which all verbs share.
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",
@@ -149,8 +149,8 @@ def command(
     from tgospa_eval.show.study_table import checked_columns
 
     # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
-    apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
-    request = Request.of({name: value for name, value in options.items() if name not in apart})
+    separate = ("epsilon", "seed", *(("steps",) if simulate else ()))
+    request = Request.of({name: value for name, value in options.items() if name not in separate})
     output: Any = click_builder.OutputOptions.of(options)
     checked_columns(output.columns_of_table)
     solvers: Any = options["solvers"]
@@ -170,8 +170,8 @@ def command(
                 "by = class of the settings is left aside: compare takes all rows together"
             )
         per_step = options["against"] is not None
-        asked = per_step or request.with_ is not None or output.columns_of_table
-        if len(files) > 2 or asked or any(map(is_pattern, files)):
+        has_extras = per_step or request.with_ is not None or output.columns_of_table
+        if len(files) > 2 or has_extras or any(map(is_pattern, files)):
             fine = run.compare_estimates(files, request, output, make, per_step=per_step)
         else:
             fine = run.compare_files(files, request, output, make, spare=solvers is None)
@@ -179,7 +179,7 @@ def command(
 
 
 def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
-    """Whether saved results are to be ranked, with options that mean something there."""
+    """Return whether saved results are to be ranked, with options that mean something there."""
     from tgospa_eval.api.compare import are_saved
 
     if not files or not are_saved(files):

@@ -15,7 +15,7 @@ from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.cli.shared.click_builder import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
-from tgospa_eval.cli.shared.writing import drawn_pictures, probed, write_output
+from tgospa_eval.cli.shared.writing import drawable_pictures, probed, write_output
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
@@ -29,7 +29,7 @@ from tgospa_eval.show.files import COMPARISON, STUDY, Files
 from tgospa_eval.show.html import document_page
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.simulation import COLUMNS, Scene
-from tgospa_eval.simulation.settings import usual_tracker
+from tgospa_eval.simulation.settings import default_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
@@ -40,13 +40,13 @@ MakeSolvers = Callable[..., list[Solver]]
 """`make_solvers` of what was asked for; gets the default names and temperatures."""
 
 TEMPERATURES = "0.1,0.05,0.03,0.01"
-"""Of sinkhorn where none are given."""
+"""Temperatures of sinkhorn where none are given."""
 
 
 def show(
     answer: Json,
     output: OutputOptions,
-    drawn: Any = None,
+    subject: Any = None,
     tables: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
     """Print the document, and write the folder if one was asked for.
@@ -57,7 +57,7 @@ def show(
         The document.
     output : OutputOptions
         What to print, and where to write.
-    drawn : object, optional
+    subject : object, optional
         What pictures are of; the document by default.
     tables : callable
         Makes further files by name.
@@ -67,7 +67,10 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        of, wanted = (answer["kind"], answer if drawn is None else drawn), drawn_pictures(output)
+        of, wanted = (
+            (answer["kind"], answer if subject is None else subject),
+            drawable_pictures(output),
+        )
         shown = {} if wanted is None else pictures(*of, wanted)
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
@@ -85,18 +88,18 @@ def show(
     try:
         with shielded():
             emit(render(answer, output.format_, output.columns_of_table), output.format_)
-    finally:  # the one is not lost where the other fails
+    finally:  # a fault of one does not lose the other
         write_output(output, kind, make)
 
 
 def make_solvers(
     request: Request,
-    asked: str | None,
+    requested: str | None,
     epsilon: str | None,
     names: str,
     temperatures: str = TEMPERATURES,
 ) -> list[Solver]:
-    """The solvers that were asked for, by default of these names; `sinkhorn` once a temperature.
+    """Return the requested solvers, by default of these names; `sinkhorn` once a temperature.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def make_solvers(
     limits = {"time_limit": request.time_limit}
     sweeping = {"gap": request.gap, "jobs": request.jobs, **limits}
     solvers: list[Solver] = []
-    for name in (part.strip() for part in (names if asked is None else asked).split(",")):
+    for name in (part.strip() for part in (names if requested is None else requested).split(",")):
         if name not in SOLVERS:
             raise ConfigError(f"--solvers {quoted(name)}: must be of {', '.join(SOLVERS)}")
         make: Callable[..., Solver] = solver_class(name)
@@ -120,25 +123,25 @@ def make_solvers(
 
 
 def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> list[Number]:
-    """The numbers of a list with commas.
+    """Return the numbers of a list with commas.
 
     Raises
     ------
     ConfigError
         A part between commas is no number of this kind.
     """
-    found: list[Number] = []
+    values: list[Number] = []
     for part in map(str.strip, text.split(",")):
         number = parse(part)
         if number is None:
             what = "whole numbers" if parse is parsed_whole else "numbers"
             raise ConfigError(f"--{option} {quoted(part)}: must be {what} with commas")
-        found.append(number)
-    return found
+        values.append(number)
+    return values
 
 
 def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -> PairReader:
-    """What reads these files, once all are there and the folder can be written.
+    """Return the reader of these files, once all are there and the folder can be written.
 
     Raises
     ------
@@ -175,8 +178,8 @@ def compare_estimates(
     TgospaError
         An option has no meaning, or a file cannot be read.
     """
-    solver, *others = make("certified", str(Sinkhorn.epsilon))
-    if others:
+    solver, *rest = make("certified", str(Sinkhorn.epsilon))
+    if rest:
         raise ConfigError(
             "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
             "one --epsilon; several solvers are compared on one estimate, without --against"
@@ -189,14 +192,14 @@ def compare_estimates(
 
     def work() -> Ranked:
         with_ = pairs.settings.evaluation.with_
-        found = ranked(pairs, runs, names, solver, per_step=per_step, with_=with_)
-        whole, some = found[0]["runs"], len(found[1])
+        ranking = ranked(pairs, runs, names, solver, per_step=per_step, with_=with_)
+        whole, some = ranking[0]["runs"], len(ranking[1])
         if whole < len(runs) or some < len(names):
             print_notice(
                 f"interrupted: {whole} of {len(runs)} runs and {some} of {len(names)} "
                 "estimates are compared"
             )
-        return found
+        return ranking
 
     return show_ranking(run(work, pairs.stopwatch, show=not output.quiet), output)
 
@@ -207,16 +210,16 @@ def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
     return show_ranking(rank_saved(files, notifier(quiet=output.quiet)), output)
 
 
-def show_ranking(found: Ranked, output: OutputOptions) -> bool:
+def show_ranking(ranking: Ranked, output: OutputOptions) -> bool:
     """Print and write a ranking; whether all evaluations did what was asked."""
-    answer, entrants = found
+    answer, entrants = ranking
     compared = Compared(document=answer, entrants=entrants)
 
     def tables() -> dict[str, str]:
         files = {"per_step.csv": csv_text(compared.curves_columns())}
         return files | ({"pairs.csv": csv_text(pairs_columns(answer))} if answer["pairs"] else {})
 
-    show(answer, output, compared.drawn, tables)
+    show(answer, output, compared.plot_data, tables)
     unfinished = [
         f"{path}: {made['status']}"
         for item in answer["estimates"]
@@ -240,7 +243,7 @@ def compare_files(
     *,
     spare: bool,
 ) -> bool:
-    """One pair through several solvers; whether all did what was asked, and agree.
+    """Run one pair through several solvers; return whether all finished as requested, and agree.
 
     `spare` leaves out a referee that would take minutes.
 
@@ -284,7 +287,7 @@ def study_sizes(
     area: float,
     seed: int,
 ) -> bool:
-    """The scaling study; whether all did what was asked, and agree.
+    """Run the scaling study; return whether all finished as requested, and agree.
 
     Lists of numbers are texts with commas. The tracker is the one that ``simulate`` has by default.
 
@@ -299,7 +302,7 @@ def study_sizes(
     scene = Scene(scenario=scenario, area=area)
     study = solver_runs.Study(
         scene=scene,
-        tracker=usual_tracker(scene.area, {}),
+        tracker=default_tracker(scene.area, {}),
         seed=seed,
         parameters=settings.evaluation.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),

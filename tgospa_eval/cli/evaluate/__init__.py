@@ -10,7 +10,7 @@ from tgospa_eval.cli.shared import click_builder
 from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
 from tgospa_eval.errors import ExitStatus, MemoryTooSmallError
 
-ALONE = (
+FOR_PARTS = (
     "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
     "for many evaluations: tgospa-eval batch"
 )
@@ -102,13 +102,13 @@ def command(
     def in_parts(why: str) -> NoReturn:
         from tgospa_eval.cli.evaluate.partitioned import evaluate_parts
 
-        others = {
+        more_options = {
             "proof": output.proof and FITTING,
             "geojson": output.geojson and FITTING,
             "plane": output.plane and "leave it out: there is no picture of trajectories",
             "sweep": sweep and "evaluate for one value after the other",
         }
-        check_parts(chosen, why, ((name, text) for name, text in others.items() if text))
+        check_parts(chosen, why, ((name, text) for name, text in more_options.items() if text))
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
@@ -116,7 +116,7 @@ def command(
     if why is not None:
         in_parts(why)
     if chosen.scheduler is not None:
-        raise click.UsageError(ALONE)
+        raise click.UsageError(FOR_PARTS)
     if sweep:
         from tgospa_eval.cli.evaluate.sweep import sweep_files
 
@@ -139,7 +139,7 @@ def command(
 def _check(
     chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
 ) -> None:
-    """Whether options go together.
+    """Check that options go together.
 
     Raises
     ------

@@ -93,7 +93,7 @@ def evaluate_parts(
 
 
 def _interrupted(progress: Progress, output: OutputOptions) -> str:
-    """What is known, and how to go on."""
+    """Say what is known, and how to go on."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
         return f"{proven}with -o DIR what is done is kept, and the same command goes on"
@@ -102,12 +102,12 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# The folder of what is known on the way: found again by the same command, gone at its end.
+# The folder of intermediate work: the same command finds it again and removes it at its end.
 
 
 @contextmanager
 def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
-    """The folder of work: in that of -o, where it is found again; else one that goes at the end.
+    """Yield the folder of work: in that of -o, where it is found again; else a temporary one.
 
     Raises
     ------
@@ -127,8 +127,8 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         over = False
         try:
             yield work.absolute()  # workers of a cluster have other folders of their own
-            over = not interrupted()  # or the result was not written
-        except InputError:  # nothing to go on with, once the data are right
+            over = not interrupted()  # otherwise the result was not written
+        except InputError:  # the work is useless once the data are corrected
             over = not (work / SCANNED).exists()
             raise
         except MemoryTooSmallError:
@@ -138,7 +138,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             if over:
                 _remove(work)
     if over and work.exists():
-        _remove(work)  # Windows keeps a file that is open
+        _remove(work)  # Windows does not remove an open file
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
@@ -189,7 +189,7 @@ def _remove(work: Path) -> None:
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
-    """Whether the work that is there is of this evaluation; it is thrown away where data changed.
+    """Return whether work is of this evaluation; it is thrown away where data changed.
 
     Raises
     ------
@@ -208,8 +208,12 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         return True
     if differing == ["data"] or output.force:
         if not output.quiet:
-            alone = differing == ["data"]
-            what = "files that were changed or replaced since" if alone else "other data or options"
+            only_data = differing == ["data"]
+            what = (
+                "files that were changed or replaced since"
+                if only_data
+                else "other data or options"
+            )
             print_notice(f"{log.parent} is of {what}: it is begun anew")
         return False
     texts = (
@@ -225,11 +229,11 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
 
 
 def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
-    """What must be the same for the same work; as JSON gives it back."""
+    """Return what must be the same for the same work; as JSON gives it back."""
     sha = hashlib.sha256()
     for path in paths:
-        for file, found in stored(path):
-            sha.update(repr((file.path, *state_of(found))).encode("utf-8", "replace"))
+        for file, status in stored(path):
+            sha.update(repr((file.path, *state_of(status))).encode("utf-8", "replace"))
     known: dict[str, object] = json.loads(json.dumps(options.given))
     return known | {
         "truth": paths[0],

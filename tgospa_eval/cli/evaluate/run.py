@@ -1,4 +1,4 @@
-"""From the values of the options to a result, and the result to stdout and files."""
+"""Steps from the values of options to a result, and its output to stdout and files."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -54,7 +54,7 @@ def evaluate_files(
         resolved = replace(resolved, evaluation=replace(resolved.evaluation, memory=limit))
     wanted = None
     if output.output is not None:
-        # Here: only where there is a folder.
+        # lazy: only a folder needs it
         from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
         wanted = probed_folder(options, output)
@@ -78,11 +78,11 @@ def evaluate_files(
 
 
 # -------------------------------------------------------------------------------------------------
-# ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
+# Repairs of a result, tried and proven, for ``--explain`` and the verb `explain`.
 
 
 def explained(result: Evaluation, output: OutputOptions, top: int | None = None) -> "Explanation":
-    """The repairs of an estimate that was read from a file, `top` of them at most.
+    """Return the repairs of an estimate that was read from a file, `top` of them at most.
 
     Parameters
     ----------
@@ -97,23 +97,23 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
 
     assert isinstance(result, PairEvaluation)  # --by class is refused
     stopwatch = Stopwatch()
-    found = run(
+    explanation = run(
         lambda: explain(result, top or TOP, stopwatch=stopwatch),
         stopwatch,
         show=not output.quiet,
     )
     if output.verbose:
-        print_notice(f"{'explain':<20} {found.seconds:9.3f} s")
-    return found
+        print_notice(f"{'explain':<20} {explanation.seconds:9.3f} s")
+    return explanation
 
 
 def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
-    """The result with its repairs, for every output; the time that they took counts."""
+    """Return the result with its repairs, for every output; the time that they took counts."""
     assert isinstance(result, PairEvaluation)
-    found = explained(result, output)
-    total = result.timings["total"] + found.seconds
-    timings = {**result.timings, "explain": found.seconds, "total": total}
-    return replace(result, explained=found, timings=timings)
+    explanation = explained(result, output)
+    total = result.timings["total"] + explanation.seconds
+    timings = {**result.timings, "explain": explanation.seconds, "total": total}
+    return replace(result, explained=explanation, timings=timings)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -129,7 +129,7 @@ def show(
             from tgospa_eval.cli.shared.writing import write_folder  # lazy: only where asked for
 
             write_folder(result, options, output, names)
-    except ConfigError:  # a full disk must not cost what was computed
+    except ConfigError:  # a full disk must not lose the computed result
         _print(result, output)
         raise
     with shielded():
@@ -137,7 +137,7 @@ def show(
 
 
 def _print(result: Evaluation, output: OutputOptions) -> None:
-    """The result to stdout."""
+    """Print the result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
         from tgospa_eval.show.result_text import report  # lazy: for terminals only

@@ -35,7 +35,7 @@ SWEPT = {
     "switch-penalty": "switch_penalty",
     "rho": "rho",
 }
-MOST_VALUES = 1000
+MAX_VALUES = 1000
 """Values of one sweep."""
 
 FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
@@ -76,14 +76,14 @@ def sweep_files(
 
     def work() -> Sweep:
         notify = notifier(quiet=output.quiet)
-        found = sweep_sides(settings, name, parameters, paths, stopwatch, notify)
-        return replace(found, settings_file=output.config)
+        swept = sweep_sides(settings, name, parameters, paths, stopwatch, notify)
+        return replace(swept, settings_file=output.config)
 
-    found = run(work, stopwatch, show=not output.quiet)
-    if len(found.points) < len(parameters):
-        print_notice(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
-    _show(found, output, wanted)
-    missed = [point for point in found.points if not point.finished]
+    swept = run(work, stopwatch, show=not output.quiet)
+    if len(swept.points) < len(parameters):
+        print_notice(f"interrupted: {len(swept.points)} of {len(parameters)} points are there")
+    _show(swept, output, wanted)
+    missed = [point for point in swept.points if not point.finished]
     for point in missed:
         print_notice(
             f"accuracy not reached at {_key(name)} {point.value:g}: solver {point.status}, the "
@@ -93,7 +93,7 @@ def sweep_files(
 
 
 def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
-    """The parameter that is swept, as in `Parameters`, and its values as given.
+    """Return the parameter that is swept, as in `Parameters`, and its values as given.
 
     Raises
     ------
@@ -117,9 +117,9 @@ def _range(text: str, parts: list[str]) -> list[float]:
         raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
     low, high = (_number(text, part) for part in parts[:2])
     count = parsed_whole(parts[2]) or 0
-    if not 2 <= count <= MOST_VALUES:
+    if not 2 <= count <= MAX_VALUES:
         raise ConfigError(
-            f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST_VALUES}"
+            f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MAX_VALUES}"
         )
     if not low < high:
         raise ConfigError(f"--sweep {quoted(text)}: FROM must be less than TO")
@@ -140,7 +140,7 @@ def _number(text: str, part: str) -> float:
 
 
 def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) -> None:
-    """Whether other options contradict the sweep.
+    """Check that other options do not contradict the sweep.
 
     Raises
     ------
@@ -172,18 +172,18 @@ def _key(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
+def _show(swept: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
     """Print, and write the folder if one was asked for."""
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the sweep", 0.0)
         draws = wanted is not None and can_draw(quiet=output.quiet)
         files: dict[str, str | bytes] = {
-            "sweep.json": found.to_json(),
-            "sweep.csv": csv_text(found.columns()),
-            "report.html": document_page(sweep_document(found), "sweep", found, draws=draws),
+            "sweep.json": swept.to_json(),
+            "sweep.csv": csv_text(swept.columns()),
+            "report.html": document_page(sweep_document(swept), "sweep", swept, draws=draws),
         }
-        return files | (pictures("sweep", found, wanted) if draws else {})
+        return files | (pictures("sweep", swept, wanted) if draws else {})
 
     write_output(output, SWEEP, make)
-    emit(found.rendered(output.format_), output.format_)
+    emit(swept.rendered(output.format_), output.format_)

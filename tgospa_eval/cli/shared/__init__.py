@@ -1,1 +1,1 @@
-"""What several verbs share."""
+"""Parts that several verbs share."""

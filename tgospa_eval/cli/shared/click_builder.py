@@ -27,7 +27,7 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """The bytes."""
+        """Return the bytes."""
         try:
             return parsed_size(value)
         except ConfigError as error:
@@ -35,20 +35,20 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 def one_of(members: Collection[str]) -> Any:
-    """The type of an option that takes a member, also of those that other packages add."""
+    """Return the type of an option that takes a member, also of those that other packages add."""
     kind: Any = click.Choice(())
     kind.choices = members  # click makes a tuple of them
     return kind
 
 
 def options_of(record: type[Values]) -> dict[str, Option]:
-    """The options of the fields of a record, by their names in a settings file."""
+    """Return the options of the fields of a record, by their names in a settings file."""
     known = ((field, field.metadata["setting"]) for field in fields(record) if field.metadata)
     return {about.key: _made(field, about) for field, about in known}
 
 
 def _made(field: Field[Any], about: OptionSpec) -> Option:
-    """The option of a field."""
+    """Return the option of a field."""
     kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
@@ -74,7 +74,7 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
 
 
 def side_option(name: str, side: str) -> Option:
-    """An option of truth or estimate, of a side that is called otherwise: ``--a-format``."""
+    """Return an option of truth or estimate for a side of another name: ``--a-format``."""
     field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
     about: OptionSpec = field.metadata["setting"]
     declaration, text = about.declaration.replace(role, side), about.help
@@ -83,7 +83,7 @@ def side_option(name: str, side: str) -> Option:
 
 
 OPTIONS = options_of(Request)
-"""Of the fields of `Request`, by their names in a settings file."""
+"""Options of the fields of `Request`, by their names in a settings file."""
 
 EVALUATION = tuple(OPTIONS[about.key] for about in OPTION_SPECS.values() if about.everywhere)
 
@@ -92,7 +92,7 @@ WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
 BY_OF_SETTINGS = option(
     "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
 )
-"""Of verbs that take all rows together: a settings file may have it."""
+"""Option of verbs that take all rows together: a settings file may have it."""
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
@@ -100,7 +100,7 @@ REDUCTION = tuple(
     for item in PARTICLES
     if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
-"""How clouds are reduced; without defaults, to see what was given."""
+"""Options of the reduction of clouds; without defaults, to see what was given."""
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -142,10 +142,10 @@ PICTURE_OPTIONS = (
         show_default="the first two columns",
     ),
 )
-"""Of the pictures in a folder."""
+"""Options of the pictures in a folder."""
 
 PICTURES = PICTURE_OPTIONS[:2]
-"""Of all pictures, whatever they are of."""
+"""Options of all pictures."""
 
 STYLE = PICTURES[1]
 
@@ -155,7 +155,7 @@ FORCE = _output("--force", "Write into a folder with other files in it.")
 def report_format(
     make: Callable[..., Option] = option, csv: str = "csv", more: Sequence[str] = ()
 ) -> Option:
-    """``--format`` of a report; `more` are formats of one verb."""
+    """Return ``--format`` of a report; `more` are formats of one verb."""
     return make(
         "--format FORMAT",
         f"What to print: table, json, {csv}, markdown, latex, siunitx (LaTeX, aligned digits)."
@@ -175,7 +175,7 @@ COLUMNS_OF_TABLE = Option(
     section="Output",
     show_default="those that say something",
 )
-"""Of the table of a study."""
+"""Option of the table of a study."""
 
 OUTPUT = (
     report_format(csv="csv (the costs of each step)", more=("methods",)),
@@ -197,7 +197,7 @@ OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
-    """Of everything that prints and writes; what a verb has no option for keeps its default."""
+    """Options of everything that prints and writes; one that a verb lacks keeps its default."""
 
     format_: str = "table"
     output: str | None = None
@@ -218,23 +218,23 @@ SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *(item.key for item in EVALUATION if item.section == "Solver"),
 )
-"""What a verb that solves nothing does without."""
+"""Options that a verb without a solver does not have."""
 
 READING = (
     *(item for item in EVALUATION if item.key not in SOLVING_KEYS and item not in PARTICLES),
     CONFIG_FILE,
     QUIET,
 )
-"""Of everything that reads two files and measures distances."""
+"""Options of everything that reads two files and measures distances."""
 
 
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
-    """Some of the options of everything that evaluates, and more."""
+    """Return some of the options of everything that evaluates, and more."""
     return (*(item for item in EVALUATION if item.key in keys), *more, CONFIG_FILE, QUIET)
 
 
 def format_option(*names: str) -> Option:
-    """``--format`` of a verb with formats of its own, which no settings file chooses."""
+    """Return ``--format`` of a verb with formats of its own, which no settings file chooses."""
     return Option(
         f"--format [{'|'.join(names)}]",
         "What to print.",

@@ -30,7 +30,7 @@ class SourceFile(click.Path):
     """A file that is read, or - for the standard input, which can be one of them."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path, or the name of the standard input."""
+        """Return the path, or the name of the standard input."""
         if value != "-":
             return super().convert(value, param, ctx)
         if ctx is not None:
@@ -45,16 +45,16 @@ KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 
 TRUSTED_KEYS: set[str] = set()
-"""Those that a configuration file may set which was only found: what is evaluated."""
+"""Settings of the evaluation, which a configuration file may set that the user did not name."""
 
 PREFIX = "TGOSPA_EVAL_"
-"""How the variables of options begin."""
+"""Beginning of the variables of options."""
 
 TARGET = "tgospa_eval.target"
-"""Under this name the context keeps the target that judges: its configuration alone is read."""
+"""Key of the context for the target that judges: its configuration alone is read."""
 
 IGNORED = "tgospa_eval.ignored"
-"""Under this name the context keeps the variables that count for nothing then."""
+"""Key of the context for the variables that count for nothing then."""
 
 WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
 """Options that the environment sets although a target judges: none changes a number."""
@@ -118,7 +118,7 @@ class Option(click.Option):
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:
-        """The value of its variable; none where a target judges."""
+        """Return the value of its variable; none where a target judges."""
         value = super().resolve_envvar_value(ctx)
         if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
             return value
@@ -126,7 +126,7 @@ class Option(click.Option):
         return None
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """The value; a number is a plain one, where click takes any that Python has."""
+        """Return the value; a number is a plain one, where click takes any that Python has."""
         if (typed := f"--{self.key} {value}") in REMOVED:
             raise click.UsageError(removed(typed), ctx)
         for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
@@ -136,7 +136,7 @@ class Option(click.Option):
         return super().type_cast_value(ctx, value)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """Values that may follow; of a list with commas those of its last item."""
+        """Return values that may follow; of a list with commas those of its last item."""
         names = LISTED.get(self.key) or getattr(self.type, "choices", ())
         if not names:
             return super().shell_complete(ctx, incomplete)
@@ -151,13 +151,13 @@ class Option(click.Option):
         ]
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Names and text; a default in words needs no parentheses of its own."""
+        """Return names and text; a default in words needs no parentheses of its own."""
         names: Any = getattr(self.type, "choices", ())
         if isinstance(names, Registry) and self.help is not None:
             listed_names = re.findall(r"[\w-]+", self.help)
-            others = [name for name in names if name not in listed_names]
-            if 0 < len(others) < len(names):
-                self.help += f" Also {', '.join(others)}."
+            unlisted = [name for name in names if name not in listed_names]
+            if 0 < len(unlisted) < len(names):
+                self.help += f" Also {', '.join(unlisted)}."
         record = super().get_help_record(ctx)
         if record is None or not isinstance(self.show_default, str):
             return record
@@ -165,7 +165,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Without ranges, which the texts have in words."""
+        """Return extra help without ranges, which the texts have in words."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
@@ -190,7 +190,7 @@ def option(
 def load_config(
     ctx: click.Context, parameter: click.Parameter, path: str | None
 ) -> config.SettingsFile | None:
-    """Callback of --config: settings of the options that the verb has.
+    """Load settings of the options that the verb has: callback of --config.
 
     A file may hold those of other verbs as well.
     """
@@ -219,7 +219,7 @@ def load_config(
 
 
 def _keys() -> dict[str, bool]:
-    """All keys; those of a gate are known when its verb is."""
+    """Return all keys; those of a gate are known when its verb is."""
     load("gate")
     return KEYS
 
@@ -238,7 +238,7 @@ def tell_settings(ctx: click.Context) -> None:
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
     if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
-        ctx.meta[CONFIG] = None  # an error of an option says it no second time
+        ctx.meta[CONFIG] = None  # errors of options then do not name it a second time
 
 
 def tell_variables(command: click.Command) -> None:
@@ -261,29 +261,29 @@ def tell_variables(command: click.Command) -> None:
 
 
 def _variables(command: click.Command) -> list[str]:
-    """The variables that its options read."""
+    """Return the variables that its options read."""
     several = [item.envvar or () for item in command.params]
     return [name for one in several for name in ([one] if isinstance(one, str) else one)]
 
 
 def removed(option: str) -> str:
-    """The message about an option that is gone."""
+    """Return the message about an option that is gone."""
     return f"{option} is gone: {REMOVED[option]}"
 
 
 def dashed(name: str) -> str:
-    """The long option of a parameter."""
+    """Return the long option of a parameter."""
     return f"--{name.removesuffix('_').replace('_', '-')}"
 
 
 def typed_options(ctx: click.Context) -> set[str]:
-    """Parameters that the command line gives, not the environment nor a settings file."""
+    """Return parameters that the command line gives, not the environment nor a settings file."""
     source = ctx.get_parameter_source
     return {name for name in ctx.params if source(name) is ParameterSource.COMMANDLINE}
 
 
 # -------------------------------------------------------------------------------------------------
-# Help in sections, and what to type instead of what nobody understands.
+# Help in sections, and suggestions for unknown words.
 
 SECTIONS = (
     "Batch",
@@ -328,14 +328,14 @@ OPTION_WORDS = {
     "--quiet": "silent no-progress",
     "--verbose": "debug log",
 }
-"""What people type for an option, where no name of one is like it."""
+"""Words that people type for an option, where no name of one is like them."""
 
 SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""
 
 
 def _print_short(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:  # noqa: ARG001
-    """Callback of -h."""
+    """Print the short help: callback of -h."""
     if given and not ctx.resilient_parsing and isinstance(ctx.command, Verb):
         from tgospa_eval.cli.shared.short_help import short_help  # lazy: most runs ask for none
 
@@ -359,11 +359,11 @@ class Verb(click.Command):
     allow_extra_args = True  # messages of ours are longer than those of click
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """All options, with those of the help: one short, the others long."""
+        """Return all options, with those of the help: one short, the others long."""
         return [*super().get_params(ctx), SHORT_HELP]
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """The options of the long help."""
+        """Return the options of the long help."""
         return ["--help", "--help-all"]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -375,7 +375,7 @@ class Verb(click.Command):
         self.format_options(ctx, formatter)
 
     def sections(self, ctx: click.Context) -> list[str]:
-        """Headings of its options."""
+        """Return headings of its options."""
         there = {
             getattr(item, "section", SECTIONS[-1])
             for item in self.get_params(ctx)
@@ -394,13 +394,13 @@ class Verb(click.Command):
                     f"{', '.join(self.sections(ctx)).lower()}",
                     ctx,
                 )
-        found: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
+        sections: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
         for item in self.get_params(ctx):
             record = item.get_help_record(ctx) if isinstance(item, click.Option) else None
             if record is not None:
-                found[getattr(item, "section", SECTIONS[-1])].append(record)
+                sections[getattr(item, "section", SECTIONS[-1])].append(record)
         measures = any(item.name == "distance" for item in self.params)
-        for name, records in found.items():
+        for name, records in sections.items():
             if records and (wanted is None or name in near):
                 about = f", with --distance {NEEDED[name]}" if measures and name in NEEDED else ""
                 with formatter.section(name + about):
@@ -434,7 +434,7 @@ class Verb(click.Command):
         return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
-        """Whether a long option has one dash: of -output click makes -o with the value utput."""
+        """Check that no long option has one dash: click reads -output as -o with value utput."""
         known = long_options(self)
         for text in args[: args.index("--")] if "--" in args else args:
             name = f"-{text.partition('=')[0]}"
@@ -447,18 +447,16 @@ class Verb(click.Command):
     def _no_option(self, text: str) -> str:
         if text in REMOVED:
             return removed(text)
-        others = [verb for verb in VERBS if text in long_options(load(verb))]
-        if others:
-            return f"{text} is no option of {self.name}, but of {', '.join(others)}"
-        meant = self._by_another_name(text) or nearest(text, long_options(self))
-        return f"no such option: {clipped(text)}" + (f"; did you mean {meant}?" if meant else "")
+        verbs = [verb for verb in VERBS if text in long_options(load(verb))]
+        if verbs:
+            return f"{text} is no option of {self.name}, but of {', '.join(verbs)}"
+        hint = self._by_another_name(text) or nearest(text, long_options(self))
+        return f"no such option: {clipped(text)}" + (f"; did you mean {hint}?" if hint else "")
 
     def _by_another_name(self, text: str) -> str | None:
-        """The option, with its value, that is called otherwise in other programs."""
+        """Return the option, with its value, that has this name in other programs."""
         bare = text.lstrip("-")
-        typed = next(
-            (typed for typed, others in OPTION_WORDS.items() if bare in others.split()), ""
-        )
+        typed = next((typed for typed, words in OPTION_WORDS.items() if bare in words.split()), "")
         name, _, value = typed.partition(" ")
         for item in self.params:
             if isinstance(item, click.Option) and name in item.opts:
@@ -479,7 +477,7 @@ class Verb(click.Command):
 
 
 def long_options(command: click.Command) -> list[str]:
-    """The options that a verb shows, by their long names, with dashes."""
+    """Return the options that a verb shows, by their long names, with dashes."""
     return [
         name
         for item in command.params
@@ -490,19 +488,19 @@ def long_options(command: click.Command) -> list[str]:
 
 
 def words(line: Iterable[str]) -> str:
-    """Arguments as they are typed in a shell; those of ours, in capitals, may be in brackets."""
+    """Return arguments as they are typed in a shell; ours, in capitals, may be in brackets."""
     from shlex import quote  # lazy: most command lines are right
 
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
-    """The option that was meant: the only one that begins so, else the most similar one."""
+    """Suggest an option: the only one that begins so, else the most similar one."""
     from difflib import get_close_matches  # lazy: most command lines are right
 
     bare = text.lstrip("-")
     known = [name.lstrip("-") for name in options]
     begin = [name for name in known if len(bare) > 1 and name.startswith(bare)]
     alike = [name for name in known if name[:1] == bare[:1]]
-    found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
-    return f"--{found[0]}" if found else None
+    matches = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
+    return f"--{matches[0]}" if matches else None

@@ -32,13 +32,13 @@ SILENT = 2.0
 """Seconds before anything is shown."""
 
 LINE_WIDTH = 79
-"""Of a line, which must not wrap."""
+"""Width of a line, which must not wrap."""
 
-LEAST_DIGITS, MOST_DIGITS = 5, 9
+MIN_DIGITS, MAX_DIGITS = 5, 9
 """Digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
-"""Where nobody looks on: seconds before the first line, and at most between two; after the first
+"""Seconds before the first line, and at most between two, where no terminal is; after the first
 each comes when twice as much time has passed."""
 
 
@@ -52,7 +52,7 @@ ADVICE = (
 
 
 def new_stopwatch(*, quiet: bool) -> Stopwatch:
-    """One whose sentences for the user are printed."""
+    """Return a stopwatch whose sentences for the user are printed."""
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.notify = print_notice
@@ -104,7 +104,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
 
 @contextmanager
 def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
-    """While the block works, show how far it is; Ctrl-C is heard by the block."""
+    """Show the progress while the block works; the block itself handles Ctrl-C."""
     stopwatch.progress = Progress(watched=True)
     if not show:
         yield
@@ -112,16 +112,16 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
     ended = threading.Event()
     with Display(stopwatch) as display:
 
-        def look() -> None:
+        def poll() -> None:
             while not ended.wait(0.2):
                 display.update()
 
-        looking = BackgroundTask(look)
+        polling = BackgroundTask(poll)
         try:
             yield
         finally:
             ended.set()
-            looking.wait(1.0)
+            polling.wait(1.0)
 
 
 class Display:
@@ -163,13 +163,13 @@ class Display:
             self.shown = False
 
     def _write(self, text: str) -> None:
-        with suppress(OSError, ValueError):  # a stderr that is gone changes nothing
+        with suppress(OSError, ValueError):  # a closed stderr is no error
             sys.stderr.write(text)
             sys.stderr.flush()
 
 
 def line(stopwatch: Stopwatch, seconds: float) -> str:
-    """What is known: the part of the work, the proven bracket, the share done, the time taken."""
+    """Describe the progress: the part of the work, the proven bracket, the share, the time."""
     progress = stopwatch.progress
     stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
@@ -183,17 +183,17 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
 
 
 def _is_near(progress: Progress) -> bool:
-    """Whether the bounds of all of it may be near enough for the user."""
+    """Return whether the bounds may be near enough for the user."""
     lower, upper = progress.bracket or (0.0, math.inf)
     return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
 
 
 def bracket(lower: float, upper: float) -> str:
-    """The bounds in as many digits as distinguish them, rounded outward."""
-    digits = LEAST_DIGITS
+    """Return the bounds in as many digits as distinguish them, rounded outward."""
+    digits = MIN_DIGITS
     if 0 < lower < upper < math.inf:
         digits = min(
-            max(LEAST_DIGITS, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST_DIGITS
+            max(MIN_DIGITS, 2 + math.floor(math.log10(upper / (upper - lower)))), MAX_DIGITS
         )
     return (
         f"{_rounded(lower, digits, math.floor)} <= TGOSPA <= {_rounded(upper, digits, math.ceil)}"

@@ -20,7 +20,7 @@ READING = {
 }
 TOLERANCE = {"time-tolerance": "join times that differ by at most DT"}
 
-USUAL: dict[str, dict[str, dict[str, str]]] = {
+COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
     "evaluate": {
         "Choose the metric": METRIC,
         "Read the files": READING | TOLERANCE,
@@ -155,11 +155,11 @@ USUAL: dict[str, dict[str, dict[str, str]]] = {
         },
     },
 }
-"""By verb and task the options of the first screen, by their names in a settings file."""
+"""Options of the first screen by verb and task, by their names in a settings file."""
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
-    """Usage, what the verb does, an example, the usual options, and where the others are."""
+    """Return usage, the purpose of the verb, an example, usual options, and places of others."""
     verb = str(command.name)
     options = {
         name.lstrip("-"): item
@@ -173,9 +173,9 @@ def short_help(command: click.Command, ctx: click.Context, sections: Iterable[st
     whole = (re.sub(_CONTINUED, " ", one) for one in examples)
     example = next(one for one in whole if len(one) <= WIDTH - 2)
     lines = [command.get_usage(ctx), "", text, "", f"  {example}", ""]
-    for task, usual in USUAL[verb].items():
+    for task, common in COMMON_OPTIONS[verb].items():
         lines.append(f"{task}:")
-        for key, about in usual.items():
+        for key, about in common.items():
             item = options[key]
             names = [*[name for name in item.opts if len(name) == 2], f"--{key}"]
             metavar = (item.metavar or "").replace(" ", "")

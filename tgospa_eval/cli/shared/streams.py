@@ -27,7 +27,7 @@ _heard = threading.Event()
 
 
 def interrupted() -> bool:
-    """Whether there was any in this process."""
+    """Return whether a Ctrl-C came in this process."""
     return _heard.is_set()
 
 
@@ -56,7 +56,7 @@ def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
 
 @contextmanager
 def shielded() -> Iterator[None]:
-    """The first Ctrl-C waits: what is begun is brought to its end."""
+    """Let the first Ctrl-C wait: what is begun is brought to its end."""
     waiting: list[int] = []
 
     def take() -> bool:
@@ -68,7 +68,7 @@ def shielded() -> Iterator[None]:
 
 
 def handles_interrupts() -> bool:
-    """Whether a Ctrl-C would raise KeyboardInterrupt here; not in a worker, which ignores it."""
+    """Return whether a Ctrl-C raises KeyboardInterrupt here; not in a worker, which ignores it."""
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -91,7 +91,7 @@ def print_notice(text: str) -> None:
 def notifier(
     *, quiet: bool, output: Callable[[str], None] = print_notice
 ) -> "Callable[[Notice], None]":
-    """Prints notices, and warnings even where the user wants quiet."""
+    """Return a function that prints notices, and warnings even where the user wants quiet."""
 
     def notify(notice: "Notice") -> None:
         if notice.code or not quiet:
@@ -106,7 +106,7 @@ def print_notices(text: str) -> None:
 
 
 def stderr_width() -> int:
-    """Columns of the terminal that stderr is; 0 if it is none, or does not answer."""
+    """Return columns of the terminal that stderr is; 0 if it is none, or does not answer."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError, AttributeError):
@@ -114,7 +114,7 @@ def stderr_width() -> int:
 
 
 def _wrapped(line: str) -> str:
-    """A line in the width of a terminal; one that is indented is laid out already."""
+    """Wrap a line to the width of a terminal; one that is indented is laid out already."""
     width = stderr_width()
     if not NARROW_TERMINAL <= width < len(line) or line[0].isspace():
         return line
@@ -151,7 +151,7 @@ def emit(text: str, format: str = "table") -> None:
         It cannot be written.
     """
     if format == "json":
-        # The two that `json` leaves: delete, and commands of CI systems within a line.
+        # `json` does not escape these two: delete, and commands of CI systems within a line.
         text = text.replace("\x7f", "\\u007f").replace("##", "#\\u0023")
     elif format != "colours" and (format != "csv" or _is_watched()):
         text = visible_lines(text)
@@ -179,7 +179,7 @@ def check_stdout() -> None:
 
 
 def check_written(error: OSError) -> None:
-    """Whether an error is that of a text which others wrote to stdout.
+    """Raise ConfigError if a text could not be written to stdout.
 
     Raises
     ------
@@ -191,14 +191,14 @@ def check_written(error: OSError) -> None:
 
 
 def on_terminal() -> bool:
-    """Whether someone looks at stdout; `FORCE_COLOR` also, as in the logs of CI."""
+    """Return whether someone reads stdout; `FORCE_COLOR` also, as in the logs of CI."""
     if sys.stdout is None or os.environ.get("TERM") == "dumb":
         return False
     return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
 
 
 def _is_watched() -> bool:
-    """Whether stdout is a terminal, or may be the log of a CI system."""
+    """Return whether stdout is a terminal, or may be the log of a CI system."""
     if sys.stdout is None or sys.stdout.isatty():
         return True
     if not any(map(os.environ.get, CI)):

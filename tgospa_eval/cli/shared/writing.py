@@ -61,14 +61,14 @@ def write_output(
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(written)
-    if had_proof and not os.path.isdir(proof):  # others may have been told of it
+    if had_proof and not os.path.isdir(proof):  # others may refer to it
         print_notice(f"{proof} of the run before is removed; --proof writes that of this one")
 
 
 def _made(
     output: OutputOptions, make: Callable[[Callable[[str, float], None]], Files]
 ) -> Files | None:
-    """The files by name; None if that was interrupted."""
+    """Return the files by name; None if that was interrupted."""
     stopwatch = Stopwatch()
     stopwatch.stage = "report"
 
@@ -78,12 +78,12 @@ def _made(
 
     try:
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
-    except KeyboardInterrupt:  # what is known is printed all the same
+    except KeyboardInterrupt:  # the result is printed all the same
         return None
 
 
 # -------------------------------------------------------------------------------------------------
-# What is asked for of the folder of a result, and the result into it.
+# Requested parts of the folder of a result, and the result into it.
 
 
 def probed_folder(
@@ -128,7 +128,7 @@ def probed(
 
 
 def wanted_pictures(output: OutputOptions) -> "Pictures | None":
-    """The pictures that the options ask for; None without an option of that kind, or for none.
+    """Return the requested pictures; None without an option of that kind, or for none.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
 
 
 def can_draw(*, quiet: bool) -> bool:
-    """Whether pictures can be drawn; prints a notice if not."""
+    """Return whether pictures can be drawn; print a notice if not."""
     from tgospa_eval.show import style  # lazy: for folders only
 
     if not style.available() and not quiet:
@@ -158,15 +158,15 @@ def can_draw(*, quiet: bool) -> bool:
     return style.available()
 
 
-def drawn_pictures(output: OutputOptions) -> "Pictures | None":
-    """Those that the options ask for, if they can be drawn."""
+def drawable_pictures(output: OutputOptions) -> "Pictures | None":
+    """Return the requested pictures, if they can be drawn."""
     wanted = wanted_pictures(output)
     return wanted if wanted is not None and can_draw(quiet=output.quiet) else None
 
 
 @contextmanager
 def named_options() -> Iterator[None]:
-    """What is wrong with pictures, with the name of the option as it is typed."""
+    """Add the name of the option, as it is typed, to errors about pictures."""
     try:
         yield
     except ConfigError as error:
@@ -177,7 +177,7 @@ def write_folder(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
-    wanted = drawn_pictures(output)
+    wanted = drawable_pictures(output)
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)

@@ -1,4 +1,4 @@
-"""What looks wrong with two sides before anything is solved: clocks, units, axes. Prints nothing.
+"""Warnings about two sides before anything is solved: clocks, units, axes. Prints nothing.
 
 A warning changes no number. It is raised only where undoing the fault would at least halve the
 per-step GOSPA cost, of a clock without what is missed or false either way, where what is near is so
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.request import EvaluationRequest
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
 def diagnose(
     sides: "AlignedPair", request: "EvaluationRequest", *, sound: bool = False
 ) -> list[Notice]:
-    """Warnings about two sides, and what is to be told of gaps of the truth.
+    """Return warnings about two sides, and about gaps of the truth.
 
     Parameters
     ----------
@@ -53,26 +53,26 @@ def diagnose(
         Whether it is known that nothing is wrong with clocks and states.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.reports is not None:  # what is compared are reports, at their stamps
+    if aligned.reports is not None:  # reports are compared, at their stamps
         for (truth, reports), _ in itertools.islice(aligned.reports.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
-    found = side_warnings(sides.read)
+    warnings = side_warnings(sides.read)
     clock = clock_warnings(sides, request, sample)
-    found += clock
+    warnings += clock
     if sample is not None and not any(
         notice.code in ("clock-shift", "stamps-near") for notice in clock
     ):
         crs = str(request.recorded.get("estimate_crs", ""))
-        found += (in_other_axes(notice, crs) for notice in state_warnings(sample))
-    found += step_warnings(sides, request.time_matching)
-    found += silence_warnings(sides.axis, parameters)
-    return found + gap_warnings(sides, request)
+        warnings += (in_other_axes(notice, crs) for notice in state_warnings(sample))
+    warnings += step_warnings(sides, request.time_matching)
+    warnings += silence_warnings(sides.axis, parameters)
+    return warnings + gap_warnings(sides, request)
 
 
 def in_other_axes(notice: Notice, crs: str) -> Notice:
-    """A warning about exchanged axes, with the name of the axes that undoes it."""
+    """Return a warning about exchanged axes, with the name of the axes that undoes it."""
     name, turned = crs[:3], crs[3:]
     if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem ex"):
         return notice
@@ -83,7 +83,7 @@ def in_other_axes(notice: Notice, crs: str) -> Notice:
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
-    """What bringing sides to their steps took: interpolated states, and what was not used."""
+    """Yield notices about the steps of sides: interpolated states, and what was not used."""
     if axis.made is not None:
         side, (between, own, unused) = axis.made
         gap = matching.gaps[0]
@@ -121,7 +121,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
 
 
 def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
-    """Declared steps that leave out one before or after, and have none at their other end."""
+    """Warn of declared steps that leave out one before or after, and have none at the other end."""
     if matching.steps is None or not any(sides.axis.left_out):
         return []
     ticks = sides.axis.horizon.times
@@ -147,18 +147,18 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
 
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
-    """Where the estimate has no stamps: how long, and what it costs."""
-    found = axis.outages
-    if found is None:
+    """Warn where the estimate has no stamps: how long, and what it costs."""
+    outages = axis.outages
+    if outages is None:
         return []
-    total, longest = float(found.lengths.sum()), float(found.lengths.max())
-    longest_of = f", the longest {number(longest, 4)}" if len(found.lengths) > 1 else ""
+    total, longest = float(outages.lengths.sum()), float(outages.lengths.max())
+    longest_of = f", the longest {number(longest, 4)}" if len(outages.lengths) > 1 else ""
     text = (
         f"the estimate has no state within c of a truth for {number(total, 4)} in "
-        f"{counted(len(found.lengths), 'silence')}{longest_of}"
+        f"{counted(len(outages.lengths), 'silence')}{longest_of}"
     )
-    states = f"{counted(found.states, 'state')} of the truth"
-    if not found.charged:
+    states = f"{counted(outages.states, 'state')} of the truth"
+    if not outages.counted:
         return [
             Notice(
                 code="silences-not-charged",
@@ -167,7 +167,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
                 "times",
             )
         ]
-    cost = found.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
+    cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
     return [
         Notice(
             code="silences",
@@ -178,14 +178,14 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
 
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
-    """Gaps of the truth, and what the estimate reports in them."""
+    """Warn of gaps of the truth, and of estimates in them."""
     if sides.axis.made is None:
         return []
     parameters, matching = request.parameters, request.time_matching
-    found = truth_gaps(sides.given[0], sides.axis, matching, sides.distance, parameters.cutoff)
-    if found is None:
+    gaps = truth_gaps(sides.given[0], sides.axis, matching, sides.distance, parameters.cutoff)
+    if gaps is None:
         return []
-    lengths, names, states = found
+    lengths, names, states = gaps
     ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
@@ -209,12 +209,12 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
 
 
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
-    """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
-    others = aligned.union - aligned.common
+    """Describe the alignment of two sides: common steps, stamps that were joined, rows left out."""
+    rest = aligned.union - aligned.common
     at = "what exists at the other is missed or false"
-    if others > 1:
-        at = f"what exists at the other {others:,} is missed or false"
-    costly = matching.grid == "union" and others and aligned.common
+    if rest > 1:
+        at = f"what exists at the other {rest:,} is missed or false"
+    costly = matching.grid == "union" and rest and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
@@ -234,33 +234,33 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
 
 
 MULTIPLE = 3
-"""Of the median error: of normal errors in a plane 99.8 % are below that."""
+"""Factor of the median error: of normal errors in a plane 99.8 % are below that."""
 
 FOLLOWED = 0.75
 """Share of truths that must have an estimate so near, for the median to be that of errors."""
 
 LARGEST_MEDIAN = 1e300
-"""Of a median: multiples are still numbers."""
+"""Largest median of which multiples are still numbers."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of what is suggested."""
 
 
-def suggest_cutoff(near: Floats, others: Floats) -> tuple[float, str] | None:
-    """A cutoff to begin with, and where it is from; None where errors are not told from misses.
+def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | None:
+    """Suggest a cutoff and give the reason; None where errors cannot be told from misses.
 
     Parameters
     ----------
     near : (N,) float array
         From truths to the nearest estimate of their step.
-    others : (N,) float array
+    next_truths : (N,) float array
         From these truths to the nearest other truth, inf where there is none.
     """
     if not len(near):
         return None
-    middle, apart = (float(np.sort(values)[len(near) // 2]) for values in (near, others))
-    # What belongs to a truth is nearer to it than to the next one.
-    if not 0 < middle < min(apart / 2, LARGEST_MEDIAN):
+    middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
+    # An estimate of a truth is nearer to it than to the next truth.
+    if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
     cutoff = _rounded_up(MULTIPLE * middle)
     followed = float(np.count_nonzero(near < cutoff) / len(near))
@@ -270,14 +270,14 @@ def suggest_cutoff(near: Floats, others: Floats) -> tuple[float, str] | None:
         f"{MULTIPLE} times the median distance, {middle:.3g}, rounded up; "
         f"{100 * followed:.0f} % of the truths have an estimate nearer than that"
     )
-    crowded = float(np.count_nonzero(others < cutoff) / len(near))
+    crowded = float(np.count_nonzero(next_truths < cutoff) / len(near))
     if crowded >= 0.005:
         reason += f", and {100 * crowded:.0f} % another truth"
     return cutoff, reason
 
 
 def _rounded_up(value: float) -> float:
-    """To a leading digit of `LEADING`."""
+    """Round up to a leading digit of `LEADING`."""
     power = math.floor(math.log10(value))
     ends = (float(f"{digit:g}e{power}") for digit in LEADING)
     return next((end for end in ends if value <= end), float(f"1e{power + 1}"))
@@ -290,12 +290,12 @@ SAMPLED_STEPS = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 PAIRS_AT_ONCE = 1 << 13
-"""Of these, whose distances are computed together: they stay in the cache."""
+"""Pairs whose distances are computed together: they stay in the cache."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
-    """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
+    """Return the median distance from a truth to the nearest estimate, over up to 100 steps.
 
     None if no step has both. Both sides must be on the same times.
     """
@@ -306,15 +306,15 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
     if not len(both):
         return None
     both = both[:: -(-len(both) // SAMPLED_STEPS)]
-    mine, others = (np.ascontiguousarray(side[:, both]) for side in rows)
+    mine, theirs = (np.ascontiguousarray(side[:, both]) for side in rows)
     norm = plain_norm(sides, distance)
     if norm is not None:
         states = (side.state for side in sides)
-        return median(kernels.nearest_points(*states, mine, others, *norm, SAMPLED_STEPS))
-    stride, width = -(-(mine[1] - mine[0]) // SAMPLED_STEPS), others[1] - others[0]
+        return median(kernels.nearest_points(*states, mine, theirs, *norm, SAMPLED_STEPS))
+    stride, width = -(-(mine[1] - mine[0]) // SAMPLED_STEPS), theirs[1] - theirs[0]
     truths = -(-(mine[1] - mine[0]) // stride)
     row = concatenated(0 * truths, truths) * stride.repeat(truths) + mine[0].repeat(truths)
-    first, width = others[0].repeat(truths), width.repeat(truths)
+    first, width = theirs[0].repeat(truths), width.repeat(truths)
     nearest = []
     for low, high in itertools.pairwise(stretches(width, PAIRS_AT_ONCE).tolist()):
         own = slice(low, high)
@@ -334,10 +334,10 @@ def default_notice(
     parameters: Parameters,
     defaults: Sequence[str],
     *,
-    others: bool = False,
+    is_explained: bool = False,
     boxes: bool = False,
 ) -> Notice:
-    """One line about the defaults in use, with the scale of the data beside it.
+    """Describe the defaults in use in one line, with the scale of the data beside it.
 
     It is a warning where the default cutoff is below the median distance to the nearest estimate.
 
@@ -351,7 +351,7 @@ def default_notice(
         In use.
     defaults : sequence of str
         Which of cutoff and switch_penalty nobody chose.
-    others : bool
+    is_explained : bool
         Whether another warning explains the distances.
     boxes : bool
         Whether boxes are compared by their centres, for which no cutoff suits all sizes.
@@ -369,19 +369,19 @@ def default_notice(
         else ""
     )
     return Notice(
-        code="default-parameters" if far and not others else "",
+        code="default-parameters" if far and not is_explained else "",
         text=f"default {used}{scale}",
         remedy=f"{first}choose with " + " and ".join(option(name, short=True) for name in defaults),
     )
 
 
-def explained(found: Sequence[Notice]) -> bool:
-    """Whether a warning explains why states are far from each other."""
-    return any(notice.code != "nothing-near" for notice in found)
+def explained(warnings: Sequence[Notice]) -> bool:
+    """Return whether a warning explains why states are far from each other."""
+    return any(notice.code != "nothing-near" for notice in warnings)
 
 
 def unit_notices(unit: str | None) -> Iterator[Notice]:
-    """A warning where the unit of states in pixels is given as another one."""
+    """Yield a warning where the unit of states in pixels is given as another one."""
     if (unit or "").casefold() in METRES:
         yield Notice(
             code="unit-label",

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 SAME = 0.01
-"""Of the time between moments of the truth: what is closer to one of them is there."""
+"""Share of the time between moments of the truth: closer times count as one of them."""
 
 TIMELINE = 300_000
 """States and moments of the truth that are looked at, those on lines included."""
@@ -74,7 +74,7 @@ class Timeline:
     ----------
     side : Trajectories
         States at some moments.
-    moments : (Q,) float array
+    timestamps : (Q,) float array
         Those, increasing.
     longest : float
         Time between two moments across which tracks go on.
@@ -83,20 +83,20 @@ class Timeline:
     """
 
     def __init__(
-        self, side: Trajectories, moments: Floats, longest: float, periods: dict[str, float]
+        self, side: Trajectories, timestamps: Floats, longest: float, periods: dict[str, float]
     ) -> None:
-        self.side, self.moments, self.periods = side, moments, periods
+        self.side, self.timestamps, self.periods = side, timestamps, periods
         order = np.argsort(side.track, kind="stable")  # rows are in the order of time
         track, step = side.track[order], side.step[order]
         goes_on = (track[1:] == track[:-1]) & (step[1:] == step[:-1] + 1)
-        goes_on &= moments[step[1:]] - moments[step[:-1]] <= longest
+        goes_on &= timestamps[step[1:]] - timestamps[step[:-1]] <= longest
         self._next = np.full(len(order), -1)
         self._next[order[:-1][goes_on]] = order[1:][goes_on]
         self._bounds = StepRows.of(side).bounds
 
     @classmethod
     def of(cls, truth: Trajectories, own: Floats, cutoff: float, distance: Distance) -> "Timeline":
-        """At regular moments, so close that few truths move far between them; none of no motion.
+        """Sample truths at regular times, so close that few move far between; none if none moves.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class Timeline:
         distance : Distance
             Base distance.
         """
-        time, speed = _usual(truth, own, distance)
+        time, speed = _typical_motion(truth, own, distance)
         long = float(own[-1] - own[0]) if len(own) and (np.diff(own) > 0).all() else 0.0
         none = np.zeros(0, np.intp)
         if not 0 < time < np.inf or not long:
@@ -117,24 +117,24 @@ class Timeline:
         far = 2 * speed * time / cutoff
         parts = min(far, FINER) if far > 1 else 1.0
         rows = max(len(truth.step), long / time) * parts
-        apart = time / parts * max(1.0, rows / TIMELINE)
-        moments = own[0] + apart * np.arange(int(long / apart * (1 + 1e-9)) + 1)
+        spacing = time / parts * max(1.0, rows / TIMELINE)
+        timestamps = own[0] + spacing * np.arange(int(long / spacing * (1 + 1e-9)) + 1)
         periods = periods_of(distance, truth.columns)
         truth = replace(truth, times=own, clock="number", labels=None)
-        at_moments, _ = interpolated(
+        at_times, _ = interpolated(
             truth,
-            truth.chosen(none, none, moments),
+            truth.chosen(none, none, timestamps),
             max_gap=ACROSS * time,
-            tolerance=SAME * apart,
+            tolerance=SAME * spacing,
             periods=periods,
         )
-        return cls(at_moments, moments, ACROSS * time, periods)
+        return cls(at_times, timestamps, ACROSS * time, periods)
 
     def at(self, wanted: Floats) -> StepRows:
-        """Those at some moments, of which there are two at least."""
-        k = np.searchsorted(self.moments, wanted, side="right") - 1
-        k = k.clip(0, len(self.moments) - 2)
-        share = (wanted - self.moments[k]) / (self.moments[k + 1] - self.moments[k])
+        """Return the states at some times, of which there are at least two."""
+        k = np.searchsorted(self.timestamps, wanted, side="right") - 1
+        k = k.clip(0, len(self.timestamps) - 2)
+        share = (wanted - self.timestamps[k]) / (self.timestamps[k + 1] - self.timestamps[k])
         is_next = share >= 1 - SAME
         k, share = k + is_next, share - is_next
         begin, end = self._bounds[:, k]
@@ -144,17 +144,17 @@ class Timeline:
         there = places_of((after >= 0) | (np.abs(share) < SAME))
         row, share, after = row[there], share[there], after[there]
         state = on_lines(self.side, row, np.where(after < 0, row, after), share, self.periods)
-        found = self.side.chosen(row, step[there], np.arange(len(k)))
-        return StepRows.of(with_state(found, state))
+        rows_of_side = self.side.chosen(row, step[there], np.arange(len(k)))
+        return StepRows.of(with_state(rows_of_side, state))
 
     @property
-    def apart(self) -> float:
+    def spacing(self) -> float:
         """Time between the first two moments."""
-        return float(self.moments[1] - self.moments[0])
+        return float(self.timestamps[1] - self.timestamps[0])
 
 
-def _usual(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float, float]:
-    """Median time between two states of a truth, and median speed."""
+def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float, float]:
+    """Return the median time between two states of a truth, and median speed."""
     order = np.argsort(truth.track, kind="stable")
     row = places_of(np.diff(truth.track[order]) == 0)
     row = row[:: -(-len(row) // SEGMENTS) or 1]
@@ -178,10 +178,10 @@ PROMISING = 0.4
 """Share of the largest gain from which on a shift is made finer."""
 
 HALVINGS = 7
-"""Of the time between moments, to the finest difference of shifts."""
+"""Halvings of the time between moments, to the finest difference of shifts."""
 
 DOUBLINGS = 5
-"""Of that time, to the largest difference of shifts that are compared around the best one."""
+"""Doublings of that time, to the largest difference of shifts compared around the best one."""
 
 STRETCHES = 20
 """Stretches of the recording whose gains are compared."""
@@ -198,8 +198,8 @@ COMPARABLE, ALIKE = 1 / 3, 1 / 2
 ROBUST = 16.0
 """Times the median of (d / c)^p of pairs: those farther apart say little of small shifts."""
 
-LEAST_ERROR = 1 / 400
-"""Of (d / c)^p: errors that are smaller are taken to be as large."""
+MIN_ERROR = 1 / 400
+"""Smallest (d / c)^p: smaller errors count as this."""
 
 ENOUGH_NEAR = 1 / 3
 """Share of the pairs that there could be, that must be near."""
@@ -207,7 +207,7 @@ ENOUGH_NEAR = 1 / 3
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """How well a shift fits.
+    """Quality of a shift of the estimate.
 
     Parameters
     ----------
@@ -228,11 +228,11 @@ class Fit:
 
     @cached_property
     def gain(self) -> Floats:
-        """What pairs save at each step, in units of c^p (S,)."""
+        """Amount that pairs save at each step, in units of c^p (S,)."""
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
-        found = np.bincount(step, gain, minlength=self.costs.steps)
-        return np.asarray(found, np.float64)  # integers where there is none
+        saved = np.bincount(step, gain, minlength=self.costs.steps)
+        return np.asarray(saved, np.float64)  # integers without pairs
 
     @property
     def sharpest(self) -> float:
@@ -241,7 +241,7 @@ class Fit:
 
     @cached_property
     def total(self) -> float:
-        """Of the gain."""
+        """Sum of the gain."""
         return float(self.gain.sum())
 
     @cached_property
@@ -251,19 +251,19 @@ class Fit:
 
     @property
     def is_close(self) -> bool:
-        """Whether a good part of what could be near is."""
-        most = self.costs.possible
+        """True if a good part of the possible pairs is near."""
+        possible = self.costs.possible
         steps = np.count_nonzero(self.pairs)
-        return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * most) and bool(
+        return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * possible) and bool(
             steps >= FEWEST_STEPS
         )
 
     def better(self, other: "Fit") -> float:
-        """By how many standard errors it fits better than another one."""
+        """Return by how many standard errors it fits better than another one."""
         return significance(self.gain - other.gain)
 
     def excels(self, other: "Fit") -> bool:
-        """Whether another one is no rival: it fits worse where both are within the truth.
+        """Return whether another one is no rival: it fits worse where both are within the truth.
 
         Neither is one that has too few of these steps, or far less gain there.
         """
@@ -290,9 +290,9 @@ SURE = 3.0
 
 
 def sharpest(lost: Floats) -> float:
-    """What leaves a gain to pairs that are not much farther apart than usual: see `Fit.sharp`."""
-    usual = median(lost) if len(lost) else 1.0
-    return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
+    """Return the sharpness that keeps a gain for pairs at typical distances: see `Fit.sharp`."""
+    typical = median(lost) if len(lost) else 1.0
+    return 1 / min(max(ROBUST * typical, MIN_ERROR), 1.0)
 
 
 def significance(values: Floats) -> float:
@@ -309,13 +309,13 @@ def significance(values: Floats) -> float:
 
 
 class Search:
-    """For the shift of the estimate that fits best.
+    """Search for the shift of the estimate that fits best.
 
     Parameters
     ----------
     sides : pair of Trajectories
         Truth and estimate as read.
-    moments : pair of (T,) float arrays
+    timestamps : pair of (T,) float arrays
         Their stamps on one clock, as far as that is known.
     parameters : Parameters
         Cutoff and order.
@@ -326,18 +326,18 @@ class Search:
     def __init__(
         self,
         sides: tuple[Trajectories, Trajectories],
-        moments: tuple[Floats, Floats],
+        timestamps: tuple[Floats, Floats],
         parameters: Parameters,
         distance: Distance,
     ) -> None:
         self.truth, self.estimate = (side.reduced_to(()) for side in sides)
-        self.moments, self.parameters, self.distance = moments, parameters, distance
+        self.timestamps, self.parameters, self.distance = timestamps, parameters, distance
         self.steps = self._sampled()
         self.rows = StepRows.of(self.estimate, self.steps)
-        self._fits = dict[tuple[float, float], Fit]()  # several ways lead to most shifts
+        self._fits = dict[tuple[float, float], Fit]()  # most shifts are tried several times
 
     def _sampled(self) -> Ints:
-        """Steps of the estimate that have rows, evenly spread."""
+        """Return steps of the estimate that have rows, evenly spread."""
         counts = np.bincount(self.estimate.step, minlength=len(self.estimate.times))
         there = places_of(counts)
         by_rows = int(SAMPLED * len(there) / max(int(counts.sum()), 1))
@@ -346,41 +346,41 @@ class Search:
 
     @property
     def is_possible(self) -> bool:
-        """Whether there is enough to look at."""
+        """True if there are enough data."""
         return (
             len(self.steps) >= FEWEST_STEPS
-            and all(bool(np.isfinite(own).all()) for own in self.moments)
-            and len(self.timeline.moments) > 1
+            and all(bool(np.isfinite(own).all()) for own in self.timestamps)
+            and len(self.timeline.timestamps) > 1
         )
 
     @cached_property
     def timeline(self) -> Timeline:
-        """Of the truth."""
-        return Timeline.of(self.truth, self.moments[0], self.parameters.cutoff, self.distance)
+        """Timeline of the truth."""
+        return Timeline.of(self.truth, self.timestamps[0], self.parameters.cutoff, self.distance)
 
     def fit(self, shift: float, sharp: float = 1.0) -> Fit:
-        """Of a shift, with another cutoff than that of the evaluation if need be."""
-        if (found := self._fits.get((shift, sharp))) is None:
+        """Return the fit of a shift, with another cutoff than that of the evaluation if need be."""
+        if (fitted := self._fits.get((shift, sharp))) is None:
             if sharp != 1:
-                found = replace(self.fit(shift), sharp=sharp)
+                fitted = replace(self.fit(shift), sharp=sharp)
             else:
-                wanted = self.moments[1][self.steps] + shift
-                found = Fit(
+                wanted = self.timestamps[1][self.steps] + shift
+                fitted = Fit(
                     shift,
                     step_costs(self.timeline.at(wanted), self.rows, self.parameters, self.distance),
-                    inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
+                    inside=(wanted >= self.timestamps[0][0]) & (wanted <= self.timestamps[0][-1]),
                 )
-            self._fits[shift, sharp] = found
-        return found
+            self._fits[shift, sharp] = fitted
+        return fitted
 
     def offset(
-        self, others: Iterable[float], here: "Search | None" = None
+        self, shifts: Iterable[float], here: "Search | None" = None
     ) -> tuple[float, float, float] | None:
-        """The shift that fits best, or None where the data do not say.
+        """Return the shift that fits best, or None where the data do not decide.
 
         Parameters
         ----------
-        others : iterable of float
+        shifts : iterable of float
             Shifts that are worth a look anyway.
         here : Search, optional
             One whose shift by 0 is how things are, where that is on another clock.
@@ -393,7 +393,7 @@ class Search:
             Share of the per-step GOSPA cost that goes away, without what is missed or false either
             way.
         """
-        tried = [self.fit(shift) for shift in (0.0, *others, *self._candidates())]
+        tried = [self.fit(shift) for shift in (0.0, *shifts, *self._candidates())]
         moved = self._beside_displacement(tried) if here is None else None
         if moved is not None:
             return moved or None
@@ -407,14 +407,14 @@ class Search:
             return self.fit(shift, sharp)
 
         tried = [fit(one.shift) for one in (*tried, best)]
-        most = max(one.total for one in tried)
-        tried += [self._finer(one, fit) for one in tried if one.total >= PROMISING * most]
+        best_total = max(one.total for one in tried)
+        tried += [self._finer(one, fit) for one in tried if one.total >= PROMISING * best_total]
         best = max(tried, key=lambda one: one.total)
         now = (here or self).fit(0.0, sharp)
         if best.better(now) < SIGNIFICANT:
             return None
         uncertainty, reach = self._spread(best, tried, fit)
-        if not reach <= max(LOCAL * uncertainty, self.timeline.apart) < np.inf:
+        if not reach <= max(LOCAL * uncertainty, self.timeline.spacing) < np.inf:
             return None
         first, last = (here or self).fit(0.0), self.fit(best.shift)
         pairs = float(np.maximum(first.pairs, last.pairs).sum())
@@ -426,7 +426,7 @@ class Search:
     def _beside_displacement(
         self, tried: list[Fit]
     ) -> tuple[float, float, float] | tuple[()] | None:
-        """As of `offset`, where the estimate is displaced as well; None where that is not clear.
+        """Return the shift of a displaced estimate, as `offset` does; None if it is not clear.
 
         Nothing where it is displaced, and no shift fits better than none.
 
@@ -438,10 +438,10 @@ class Search:
             return None
         starts = sorted(tried[1:], key=lambda one: -one.total)[:STARTS]
         now = self._displaced(0.0, moves=False)
-        found = [one for one in (self._displaced(start.shift) for start in starts) if one]
-        if not found:
+        displaced = [one for one in (self._displaced(start.shift) for start in starts) if one]
+        if not displaced:
             return None
-        best, uncertainty, is_sure = max(found, key=lambda one: one[0].total)
+        best, uncertainty, is_sure = max(displaced, key=lambda one: one[0].total)
         if not is_sure or not best.is_close:
             return None
         sharp, before = best.sharpest, self.fit(0.0) if now is None else now[0]
@@ -454,7 +454,7 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """The shift near this one and the displacement that fit best; None if unclear.
+        """Return the shift near this one and the displacement that fit best; None if unclear.
 
         With two standard errors of the shift, and whether the displacement is more than noise.
         """
@@ -476,7 +476,7 @@ class Search:
                 varied = speeds - speed
                 power = float(np.square(varied).sum())
                 if not power > VARIED * float(np.square(speeds).sum()):
-                    return None  # all go one way: the two are one
+                    return None  # all move alike: shift and displacement cannot be separated
                 change = float((varied * (errors - mean)).sum()) / power
                 left = errors - mean - change * varied
                 noise = float(np.square(left).sum()) / max(left.size - left.shape[1] - 1, 1)
@@ -484,22 +484,22 @@ class Search:
                 spread = np.sqrt(noise / len(errors) + np.square(speed) * noise / power)
                 sure = bool((np.abs(mean - change * speed) > SURE * spread).any())
             offset, shift = mean - change * speed, shift + change
-        least = self.timeline.apart / 2**HALVINGS
+        smallest = self.timeline.spacing / 2**HALVINGS
         fit = self._fit_displaced(shift, offset)
-        return fit, max(uncertainty, least), sure
+        return fit, max(uncertainty, smallest), sure
 
     def _fit_displaced(self, shift: float, offset: Floats) -> Fit:
-        """Of a shift, with the estimate moved back by an offset."""
+        """Return the fit of a shift, with the estimate moved back by an offset."""
         side = with_state(self.estimate, self.estimate.state - offset)
         rows = StepRows(side=side, bounds=self.rows.bounds)
-        wanted = self.moments[1][self.steps] + shift
+        wanted = self.timestamps[1][self.steps] + shift
         costs = step_costs(self.timeline.at(wanted), rows, self.parameters, self.distance)
         return Fit(shift, costs)
 
     def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
-        """Errors of the pairs as they were read, and velocities of their truths (N, d)."""
-        wanted = self.moments[1][self.steps] + fit.shift
-        half = self.timeline.apart / 2
+        """Return errors of the pairs as they were read, and velocities of their truths (N, d)."""
+        wanted = self.timestamps[1][self.steps] + fit.shift
+        half = self.timeline.spacing / 2
         at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
         taken = fit.costs.taken
         truth, estimate = (rows[taken] for rows in fit.costs.rows)
@@ -525,9 +525,9 @@ class Search:
         return errors[there], speeds[there]
 
     def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
-        """The local maximum from there on."""
-        step = self.timeline.apart
-        while step >= self.timeline.apart / 2**HALVINGS:
+        """Climb to the local maximum from this fit."""
+        step = self.timeline.spacing
+        while step >= self.timeline.spacing / 2**HALVINGS:
             near = (fit(best.shift + sign * step) for sign in (1, -1))
             moved = max(near, key=lambda one: one.total)
             if moved.total > best.total and moved.shift != best.shift:
@@ -539,12 +539,12 @@ class Search:
     def _spread(
         self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
     ) -> tuple[float, float]:
-        """Two standard errors of the shift, and how far the farthest rival is.
+        """Return two standard errors of the shift, and how far the farthest rival is.
 
         Near its maximum G is a parabola plus a line that noise tilts: what is lost by a shift, in
         its own standard errors, grows with the shift, and is 1 at two standard errors of the best.
         """
-        widths = self.timeline.apart * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
+        widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
         reach = max(
             (abs(one.shift - best.shift) for one in tried if not best.excels(one)), default=0.0
@@ -567,30 +567,30 @@ class Search:
         return uncertainty, reach
 
     def _candidates(self) -> Floats:
-        """Shifts at which the most estimates are near a truth: local maxima of their gains."""
+        """Return shifts at which most estimates are near a truth: local maxima of their gains."""
         near, row = self._near_at_any_time()
         if not len(near.gain):
             return np.zeros(0)
-        theirs = self.moments[1][self.steps][self.rows.step[row]]
-        ours = self.timeline.moments[self.timeline.side.step]
+        theirs = self.timestamps[1][self.steps][self.rows.step[row]]
+        ours = self.timeline.timestamps[self.timeline.side.step]
         shift = ours[near.rows[0]] - theirs[near.rows[1]]
         low = float(shift.min())
-        place = np.rint((shift - low) / self.timeline.apart).astype(np.int64)
+        place = np.rint((shift - low) / self.timeline.spacing).astype(np.int64)
         size = int(place.max()) + 1
         key = near.rows[1] * np.int64(size) + place  # the nearest truth of each estimate counts
         order = np.argsort(key, kind="stable")
         first = places_of(np.diff(key[order], prepend=-1))
-        most = np.maximum.reduceat(near.gain[order], first)
+        largest = np.maximum.reduceat(near.gain[order], first)
         places, at = np.unique(key[order[first]] % size, return_inverse=True)
-        score = np.bincount(at, most)
+        score = np.bincount(at, largest)
         before = np.where(np.diff(places, prepend=-2) == 1, np.roll(score, 1), 0.0)
         after = np.where(np.diff(places, append=size + 1) == 1, np.roll(score, -1), 0.0)
         peaks = places_of((score > before) & (score >= after))
         peaks = peaks[np.argsort(-score[peaks], kind="stable")][:CANDIDATES]
-        return np.asarray(low + self.timeline.apart * places[peaks])
+        return np.asarray(low + self.timeline.spacing * places[peaks])
 
     def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
-        """Pairs that are near, whatever their times, of some rows of the sample, and these."""
+        """Return pairs of sampled rows that are near, whatever their times, and these rows."""
         side, size = self.timeline.side, len(self.rows.row)
         truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
 
@@ -613,10 +613,10 @@ COMMON_SHARE = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
 
 NEARLY = 0.01
-"""Of the median step: unmatched stamps that are closer are probably meant to be the same."""
+"""Share of the median step: unmatched stamps that are closer are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
-"""What stamps beside seconds may be counted in, by the power of ten that makes seconds of them."""
+"""Units of stamps beside seconds, by the power of ten that makes seconds of them."""
 
 WORTH = 0.5
 """Share of the cost that another clock must save to be warned of."""
@@ -634,7 +634,7 @@ MINUTE = 60
 """Seconds: an offset that is less certain is not taken for whole hours."""
 
 HOURS = 14
-"""By which time zones differ, at most."""
+"""Hours by which time zones differ, at most."""
 
 RATES = 3.0
 """Rates of two files differ by no more where only the unit of their stamps does."""
@@ -643,23 +643,23 @@ RATES = 3.0
 def clock_warnings(
     sides: "AlignedPair", request: "EvaluationRequest", sample: Sample | None
 ) -> list[Notice]:
-    """What looks wrong with the times of the two sides; without sample their clocks are sound."""
-    found = [_few_common(sides, request.time_matching)]
+    """Warn of times of the two sides that look wrong; without sample their clocks are sound."""
+    warnings = [_few_common(sides, request.time_matching)]
     clock = None
     if sample is not None and not _looks_sound(sample):
         clock = find_clock(sides.given, sample.parameters, sample.distance, request.recorded)
     if clock is not None and clock.saving >= WORTH:
-        found.append(_clock_warning(clock, sides.given[0].clock))
+        warnings.append(_clock_warning(clock, sides.given[0].clock))
     elif unit := _unit_of_time(sides.given):
         return [unit]
     else:
         times = sides.read[0].times, sides.read[1].times
-        found.append(_near_misses(times, sides.alignment, request.time_matching))
-    return [notice for notice in found if notice]
+        warnings.append(_near_misses(times, sides.alignment, request.time_matching))
+    return [notice for notice in warnings if notice]
 
 
 def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
-    """Stamps of no common stretch of time, but for a power of ten."""
+    """Warn of stamps without a common stretch of time, but for a power of ten."""
     truth, estimate = (side.times for side in sides)
     if sides[0].clock != "number" or not len(truth) or not len(estimate):
         return None
@@ -684,9 +684,9 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
-    if matching.grid == "common":  # of two rates the lower one may be wholly in the other
+    if matching.grid == "common":  # stamps of the lower rate may all be stamps of the higher one
         steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
-    if outages is not None and outages.charged:  # which has a warning of its own
+    if outages is not None and outages.counted:  # outages have a warning of their own
         steps -= len(outages.ticks)
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
@@ -702,49 +702,49 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
 def _near_misses(
     times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
 ) -> Notice | None:
-    """Stamps that are not the same, and closer than 1 % of the median step."""
+    """Warn of stamps that differ by less than 1 % of the median step."""
     if aligned.common == aligned.union or not all(map(len, times)):
         return None
     steps = [step for step in map(median_step, times) if step is not None]
     if not steps:
         return None
     clock = aligned.truth.clock
-    _, _, apart = nearest(*times)
-    is_close = (apart < NEARLY * min(steps)) & ~within(apart, matching.near, times, clock)
-    close = apart[is_close & (apart > 0)]
+    _, _, distance = nearest(*times)
+    is_close = (distance < NEARLY * min(steps)) & ~within(distance, matching.near, times, clock)
+    close = distance[is_close & (distance > 0)]
     if not len(close):
         return None
     unit = SECOND if clock != "number" else 1
-    most = float(close.max())
+    wide = float(close.max())
     if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
-        most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
-    named = _rounded_up(most / unit)
+        wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
+    named = _rounded_up(wide / unit)
     pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
-    others = aligned.union - aligned.common
+    unshared = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{pairs} nearly the same, of {counted(others, 'stamp')} that one file only has, at "
+        text=f"{pairs} nearly the same, of {counted(unshared, 'stamp')} that one file only has, at "
         f"most {named} apart where the median step is {_step_text(min(steps), clock, *times)}",
         remedy=f"{option('time_tolerance', float(named))} makes each pair one step",
     )
 
 
 def median_step(times: Times) -> float | None:
-    """Median distance of consecutive times, in the unit in which they are held."""
+    """Return the median distance of consecutive times, in the unit in which they are held."""
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
 
 
 def _step_text(step: float, clock: str, *times: Times) -> str:
-    """A step between stamps, in their unit or in seconds, without what rounding them adds to it."""
+    """Format a step between stamps, in their unit or in seconds, without their rounding."""
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
 def _rounded_up(value: float) -> str:
-    """Two digits, not below the value but for the last digit of a double."""
+    """Round to two digits, not below the value but for the last digit of a double."""
     from decimal import ROUND_CEILING, Context
 
     rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
@@ -753,7 +753,7 @@ def _rounded_up(value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ClockError:
-    """What makes the stamps of the estimate those of the truth.
+    """Offset and factor that make the stamps of the estimate those of the truth.
 
     Parameters
     ----------
@@ -779,7 +779,7 @@ class ClockError:
 
 
 def _looks_sound(sample: Sample) -> bool:
-    """Whether a few steps that both sides have fit, and no better one step earlier or later."""
+    """Return whether a few common steps fit, and no better one step earlier or later."""
     here = Fit(0.0, sample.here)
     if not here.is_close:
         return False
@@ -788,10 +788,10 @@ def _looks_sound(sample: Sample) -> bool:
     truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, len(MOVES)))
     estimates = StepRows.of(estimate, moved.ravel())
     both = step_costs(truths, estimates, sample.parameters, sample.distance)
-    cut = int(both.step[both.taken].searchsorted(count))
-    sharp = max(here.sharpest, *map(sharpest, np.split(both.lost, [cut])))
-    here, others = (Fit(0.0, costs, sharp=sharp) for costs in (sample.here, both))
-    gains = others.gain.reshape(len(MOVES), count)
+    split = int(both.step[both.taken].searchsorted(count))
+    sharp = max(here.sharpest, *map(sharpest, np.split(both.lost, [split])))
+    here, shifted = (Fit(0.0, costs, sharp=sharp) for costs in (sample.here, both))
+    gains = shifted.gain.reshape(len(MOVES), count)
     return all(significance(gain - here.gain) <= SUSPICIOUS for gain in gains)
 
 
@@ -801,7 +801,7 @@ def find_clock(
     distance: Distance,
     given: Mapping[str, object],
 ) -> ClockError | None:
-    """Another clock of the estimate, where that fits better than all others; else None.
+    """Return another clock of the estimate, where that fits better than all others; else None.
 
     Parameters
     ----------
@@ -831,24 +831,24 @@ def find_clock(
         unit = 1 if truth.clock == "number" else SECOND
         ends = own[0] - theirs[0], own[-1] - theirs[-1]
         zones = (3600.0 * unit * hours for hours in range(-HOURS, HOURS + 1) if hours)
-        found = search.offset((*ends, *zones), plain)
-        if found is not None:
-            return _clock(search, *found, factor, given)
+        offset = search.offset((*ends, *zones), plain)
+        if offset is not None:
+            return _clock(search, *offset, factor, given)
         plain = plain or search
     return None
 
 
 def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
-    """Times, multiplied, since a moment; exact before they are rounded to doubles."""
+    """Return times, multiplied, since a moment; exact before they are rounded to doubles."""
     from fractions import Fraction  # lazy: as in `find_clock`
 
     first = times[0].item()
     if times.dtype.kind == "i":
         whole = times.astype(np.int64).view(np.uint64)
-        apart = np.asarray(whole - whole[0], np.float64)
+        elapsed = np.asarray(whole - whole[0], np.float64)
     else:
-        apart = np.asarray(times - times[0], np.float64)
-    return apart * float(factor) + float(Fraction(first) * factor - begin)
+        elapsed = np.asarray(times - times[0], np.float64)
+    return elapsed * float(factor) + float(Fraction(first) * factor - begin)
 
 
 def _clock(
@@ -859,7 +859,7 @@ def _clock(
     factor: "Fraction",
     given: Mapping[str, object],
 ) -> ClockError:
-    """The offset as it is to be written: of such that fit as well the plainest one."""
+    """Return the offset as it is to be written: the plainest of those that fit as well."""
     from fractions import Fraction  # lazy: as in `find_clock`
 
     unit = 1 if search.truth.clock == "number" else SECOND
@@ -868,7 +868,7 @@ def _clock(
     if 0 < abs(hours) <= HOURS and abs(hours * hour - shift) <= near < MINUTE * unit:
         offset = Fraction(hours * hour)
     else:
-        offset = _same_moments(search, shift, uncertainty, factor) or Fraction(
+        offset = _equal_timestamps(search, shift, uncertainty, factor) or Fraction(
             _rounded(shift, uncertainty)
         )
     uncertainty += abs(float(offset) - shift)
@@ -886,21 +886,21 @@ def _clock(
     )
 
 
-def _same_moments(
+def _equal_timestamps(
     search: Search, shift: float, uncertainty: float, factor: "Fraction"
 ) -> "Fraction | None":
-    """The offset that makes the stamps those of the truth, if one within the uncertainty does."""
+    """Return the offset that makes stamps equal, if one within the uncertainty does."""
     from fractions import Fraction  # lazy: as in `find_clock`
 
-    own, theirs = search.moments[0], search.moments[1][search.steps] + shift
+    own, theirs = search.timestamps[0], search.timestamps[1][search.steps] + shift
     after = np.searchsorted(own, theirs).clip(1, len(own) - 1)
     at = after - (theirs - own[after - 1] <= own[after] - theirs)
-    apart = own[at] - theirs
-    k = int(np.argsort(apart, kind="stable")[len(apart) // 2])
+    differences = own[at] - theirs
+    k = int(np.argsort(differences, kind="stable")[len(differences) // 2])
     step = median_step(own) or 0.0
-    same = np.abs(apart - apart[k]) <= NEARLY * step
-    if abs(apart[k]) > PREFERRED * uncertainty or np.count_nonzero(same) < COMMON_SHARE * len(
-        apart
+    same = np.abs(differences - differences[k]) <= NEARLY * step
+    if abs(differences[k]) > PREFERRED * uncertainty or np.count_nonzero(same) < COMMON_SHARE * len(
+        differences
     ):
         return None
     first, second = search.truth.times[at[k]], search.estimate.times[search.steps[k]]
@@ -908,7 +908,7 @@ def _same_moments(
 
 
 def _rounded(value: float, noise: float) -> float:
-    """Without digits that are far below the noise."""
+    """Round off digits that are far below the noise."""
     digits = math.ceil(-math.log10(noise / 2))
     return round(value, digits)
 

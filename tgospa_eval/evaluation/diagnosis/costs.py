@@ -30,10 +30,10 @@ Rows = tuple[Ints, Ints]
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
-    """As if each truth, or each estimate, had its largest gain: the less of both (T,)."""
+    """Sum the largest gains of truths, or of estimates: the smaller sum of each step (T,)."""
     if kernels is not None:
-        found: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
-        return found
+        gains: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
+        return gains
     sums = []
     for step, numbers in zip(objects, rows, strict=True):
         best = np.zeros(len(step))
@@ -43,7 +43,7 @@ def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Flo
 
 
 def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
-    """Disjoint pairs, always the largest that is left: round by round the best of both.
+    """Return disjoint pairs, always the largest that is left: round by round the best of both.
 
     Of equal ones it is the first.
 
@@ -55,9 +55,9 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         Round in which each pair is chosen, from 1 on; 0 of others.
     """
     if kernels is not None:
-        found: tuple[Floats, Ints]
-        found = kernels.pair_off(objects[0], len(objects[1]), *rows, gain, steps)
-        return found
+        pairs: tuple[Floats, Ints]
+        pairs = kernels.pair_off(objects[0], len(objects[1]), *rows, gain, steps)
+        return pairs
     left = np.argsort(-gain, kind="stable")
     turn = np.zeros(len(left), np.int32)
     first = [np.empty(len(step), np.int64) for step in objects]
@@ -67,7 +67,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         is_best = np.ones(len(left), bool)
         of = [numbers[left] for numbers in rows]
         for mine, numbers in zip(first, of, strict=True):
-            mine[numbers[::-1]] = place[::-1]  # what is written last stays
+            mine[numbers[::-1]] = place[::-1]  # the last of equal numbers is kept
             is_best &= mine[numbers] == place
         turn[left[is_best]] = turn.max() + 1
         for flags, numbers in zip(is_taken, of, strict=True):
@@ -75,18 +75,18 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
     taken = ranked(turn, gain)
     step = objects[0][rows[0][taken]]
-    total = np.bincount(step, gain[taken], minlength=steps)  # integers where there is none
+    total = np.bincount(step, gain[taken], minlength=steps)  # integers without pairs
     return np.asarray(total, np.float64), turn
 
 
 def ranked(turn: Ints, gain: Floats) -> Ints:
-    """The pairs that are chosen, round by round, and in each by falling gain."""
+    """Return the pairs that are chosen, round by round, and in each by falling gain."""
     taken = places_of(turn)
     return taken[np.lexsort((-gain[taken], turn[taken]))]
 
 
 # -------------------------------------------------------------------------------------------------
-# Which steps are looked at, and the rows of a side that they have.
+# Sampled steps, and the rows of a side at them.
 
 SAMPLE = 100
 """Steps that are looked at."""
@@ -122,21 +122,21 @@ class StepRows:
 
     @classmethod
     def of(cls, side: Trajectories, steps: Ints | None = None) -> "StepRows":
-        """Those at some steps; by default at all."""
+        """Return the rows at some steps; by default at all."""
         if steps is not None:
             return cls(side=side, bounds=rows_at(side, steps))
-        found = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
-        vars(found)["table"] = side.reduced_to(())
-        return found
+        rows = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
+        vars(rows)["table"] = side.reduced_to(())
+        return rows
 
     @cached_property
     def counts(self) -> Ints:
-        """Of rows of each step (T,)."""
+        """Number of rows of each step (T,)."""
         return np.asarray(self.bounds[1] - self.bounds[0])
 
     @cached_property
     def step(self) -> Ints:
-        """Of each row."""
+        """Step of each row."""
         return np.arange(len(self.counts), dtype=np.int32).repeat(self.counts)
 
     @cached_property
@@ -146,7 +146,7 @@ class StepRows:
 
     @cached_property
     def track(self) -> Ints:
-        """Of each row."""
+        """Track of each row."""
         return self.side.track[self.row]
 
     @cached_property
@@ -156,27 +156,27 @@ class StepRows:
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
-    """How many steps may be looked at."""
+    """Return the number of steps that can be examined."""
     objects = [len(side.step) / max(len(side.times), 1) for side in sides]
     by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
     by_rows, more = (int(rows / max(*objects, 1)) for rows in (SAMPLE_ROWS, MORE_ROWS))
     return min(SAMPLE, by_pairs, max(by_rows, min(more, FEWEST_STEPS)))
 
 
-def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
-    """As many of the steps as may be looked at, evenly spread."""
-    count = max(1, min(len(steps), affordable(sides), most))
+def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = SAMPLE) -> Ints:
+    """Return as many of the steps as can be examined, evenly spread."""
+    count = max(1, min(len(steps), affordable(sides), limit))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
 
 
 def with_state(side: Trajectories, state: Floats) -> Trajectories:
-    """With other states; what is beyond the largest double is there."""
-    most = np.finfo(np.float64).max
-    return replace(side, state=np.clip(state, -most, most, order="C"))
+    """Return the side with other states; those beyond the largest double are clipped."""
+    largest = np.finfo(np.float64).max
+    return replace(side, state=np.clip(state, -largest, largest, order="C"))
 
 
 def occupied(side: Trajectories) -> Mask:
-    """Steps at which it has rows (T,)."""
+    """Return a mask of the steps at which a side has rows (T,)."""
     return np.bincount(side.step, minlength=len(side.times)) > 0
 
 
@@ -191,7 +191,7 @@ FEWEST_TRACKS = 3
 error."""
 
 NOTABLE_COST = 1e-3
-"""Of the cost of leaving all unassigned: less makes no warning, but about rounding."""
+"""Share of the cost of leaving all unassigned: less makes no warning, but about rounding."""
 
 CHEAPER = 2 / 3
 """Share of the steps that a change must improve: a late start makes one step costly, not most."""
@@ -220,7 +220,7 @@ class StepCosts:
 
     @property
     def steps(self) -> int:
-        """How many."""
+        """Number of steps."""
         return len(self.counts[0])
 
     @property
@@ -230,7 +230,7 @@ class StepCosts:
 
     @cached_property
     def step(self) -> Ints:
-        """Of each pair."""
+        """Step of each pair."""
         return self.objects[0][self.rows[0]]
 
     @cached_property
@@ -241,12 +241,12 @@ class StepCosts:
     @cached_property
     def lower(self) -> Floats:
         """As if each truth, or each estimate, had its largest gain (T,)."""
-        most = largest_gains(self.objects, self.rows, self.gain, self.steps)
-        return np.asarray(self.unassigned - most)
+        saved = largest_gains(self.objects, self.rows, self.gain, self.steps)
+        return np.asarray(self.unassigned - saved)
 
     @cached_property
     def upper(self) -> Floats:
-        """Of the greedy choice (T,)."""
+        """Cost of the greedy choice (T,)."""
         return np.asarray(self.unassigned - self._greedy[0])
 
     @cached_property
@@ -283,7 +283,7 @@ class StepCosts:
 def step_costs(
     truth: StepRows, estimate: StepRows, parameters: Parameters, distance: Distance
 ) -> StepCosts:
-    """Of as many steps of two sides, by a base distance of states without covariances."""
+    """Return the costs of steps of two sides, by a base distance of states without covariances."""
     cutoff = parameters.cutoff
     pairs = near_points(
         (truth.side, estimate.side), (truth.bounds, estimate.bounds), cutoff, distance
@@ -316,11 +316,11 @@ class Sample:
         sides: tuple[Trajectories, Trajectories],
         parameters: Parameters,
         distance: Distance,
-        most: int = SAMPLE,
+        max_steps: int = SAMPLE,
     ) -> None:
         self.sides, self.parameters, self.distance = sides, parameters, distance
         self.columns = sides[0].columns
-        self.steps = evenly(places_of(occupied(sides[0]) & occupied(sides[1])), sides, most)
+        self.steps = evenly(places_of(occupied(sides[0]) & occupied(sides[1])), sides, max_steps)
         self.rows = StepRows.of(sides[0], self.steps), StepRows.of(sides[1], self.steps)
         self.here = step_costs(*self.rows, parameters, distance)
 
@@ -331,7 +331,7 @@ class Sample:
 
     @property
     def truth(self) -> Trajectories:
-        """At these steps, as points."""
+        """Truth at these steps, as points."""
         return self.rows[0].table
 
     @property
@@ -340,18 +340,18 @@ class Sample:
         return self.rows[1].table
 
     def costs(self, estimate: Trajectories) -> StepCosts:
-        """With another estimate."""
+        """Return the costs with another estimate."""
         truth = StepRows.of(self.truth)
         return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
 
     @cached_property
     def is_bad(self) -> bool:
-        """Whether most truths and estimates have no counterpart."""
+        """True if most truths and estimates have no counterpart."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
-    """Share of the cost here that goes away there; 0 unless it is at least a half of most steps.
+    """Return the share of the cost that goes away there; 0 unless it is half of most steps.
 
     `fewest` is the number of steps, of which half must become cheaper. Objects that are not looked
     at there are taken to cost what objects without counterpart do: to look away saves nothing.
@@ -369,7 +369,7 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
 
 
 def falls(share: float, steps: int) -> str:
-    """How far the cost falls by a change; not by all of it, which no bounds prove."""
+    """Say how far the cost falls by a change; not by all of it, which no bounds prove."""
     return (
         f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
         f"{min(100 * share, 99):.0f} % or more"

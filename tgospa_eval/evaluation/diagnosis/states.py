@@ -33,11 +33,11 @@ EMPTY_OTHER_SIDE = ("all estimates are false", "all truths are missed")
 
 
 def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
-    """What a side cannot mean to be."""
-    found = []
+    """Warn of values that a side is unlikely to mean."""
+    warnings = []
     for name, meaning, side in zip(SIDES, EMPTY_OTHER_SIDE, sides, strict=True):
         if not len(side.step):
-            found.append(
+            warnings.append(
                 Notice(
                     code="empty-side",
                     text=f"no row of the {name} takes part: {meaning}",
@@ -45,7 +45,7 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
                 )
             )
         elif len(side.step) == len(side.ids) > 2 and np.count_nonzero(np.diff(side.step)) > 1:
-            found.append(
+            warnings.append(
                 Notice(
                     code="single-rows",
                     text=f"every id of the {name} has one row: these are detections, no tracks, "
@@ -53,12 +53,12 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
                     remedy="an id must be the same at all steps of a track",
                 )
             )
-        found += _spellings(name, side)
-    return found
+        warnings += _spellings(name, side)
+    return warnings
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Ids that are one number, and different texts: 7 and 7.0."""
+    """Return ids that are one number, and different texts: 7 and 7.0."""
     ids = side.ids.tolist()
     pointed = [text for text in ids if "." in text]
     whole = {text for text in ids if text.isdigit()} if pointed else ()
@@ -77,7 +77,7 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Whether truths and estimates are near each other more often than by chance.
+# Tests that truths and estimates are near each other more often than by chance.
 
 SOME = 0.35
 """Share of the pairs that there could be from which on chance is not asked."""
@@ -93,14 +93,14 @@ HARDLY = 1.5
 displaced leave the scene; sound ones save more than that, if their noise is below the cutoff."""
 
 LITTLE = 0.005
-"""Of the most that could be saved: some pairs are near for long, for they go the same way."""
+"""Share of the possible saving: some pairs stay near for long, as they go the same way."""
 
 MOVES = (3.0, 6.0)
 """Cutoffs by which estimates are displaced along a line, either way."""
 
 
 def few_are_near(here: StepCosts) -> bool:
-    """Whether there are so few disjoint near pairs that these may be chance."""
+    """Return whether there are so few disjoint near pairs that these may be chance."""
     if not len(here.taken):
         return True
     rows = sorted(map(len, here.objects))
@@ -108,7 +108,7 @@ def few_are_near(here: StepCosts) -> bool:
 
 
 def nearness_warnings(sample: Sample) -> list[Notice]:
-    """That no truth has an estimate within the cutoff, or some by chance alone."""
+    """Warn that no truth has an estimate within the cutoff, or some by chance alone."""
     here = sample.here
     within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
@@ -134,17 +134,17 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
 
 
 def _is_chance(sample: Sample) -> bool:
-    """Whether pairs save hardly more of the cost than they would by chance.
+    """Return whether pairs save hardly more of the cost than they would by chance.
 
     That is what they save where all estimates are displaced by a few cutoffs: whatever belongs
     together is then far apart. Of several lines the one counts along which most is saved: on a road
     what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
     is where it was at any other step.
     """
-    most, estimate = sample.here.possible, sample.estimate
-    if most < ENOUGH:
+    possible, estimate = sample.here.possible, sample.estimate
+    if possible < ENOUGH:
         return False
-    saved = _saved(sample.here) - LITTLE * most
+    saved = _saved(sample.here) - LITTLE * possible
     for line in _lines(sample):
         displaced = (estimate.state + way * move * line for move in MOVES for way in (1, -1))
         by_chance = [_saved(sample.costs(with_state(estimate, state))) for state in displaced]
@@ -154,12 +154,12 @@ def _is_chance(sample: Sample) -> bool:
 
 
 def _saved(costs: StepCosts) -> float:
-    """Of the cost of leaving all unassigned."""
+    """Return the saved part of the cost of leaving all unassigned."""
     return float((costs.unassigned - costs.upper).sum())
 
 
 def _lines(sample: Sample) -> Iterator[Floats]:
-    """Vectors (R or 1, d) as long as the cutoff on both or one of the first two axes of position.
+    """Yield vectors (R or 1, d) as long as the cutoff on both or one of the first two axes.
 
     They are the diagonals, the axes, and the direction in which the truths are spread most.
     """
@@ -196,7 +196,7 @@ FACTORS = {
     1 / 0.3048: ("feet", "metres"),
     180 / np.pi: ("degrees", "radians"),
 }
-"""How many of a unit make another one: what the coordinates of one file may be off by."""
+"""Factors between units, by which the coordinates of one file may be off."""
 
 FEWEST_PAIRS = 6
 """Pairs that must be near after a change for it to be believed, more of a fitted offset."""
@@ -239,19 +239,19 @@ class _Change:
     offset: Floats
 
     def __call__(self, estimate: Trajectories) -> Trajectories:
-        """The estimate without the suspected fault."""
+        """Return the estimate without the suspected fault."""
         state = estimate.state[:, self.order] * self.factor + self.offset
         return with_state(estimate, state)
 
 
 def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> float:
-    """Share of the cost that a change saves; 0 where that is not convincing."""
+    """Return the share of the cost that a change saves; 0 where that is not convincing."""
     there = sample.costs(change(sample.estimate))
     saved = saving(sample.here, there, min(len(sample.steps), 2))
     if not saved or len(there.taken) < fewest:
         return 0.0
     if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-        # Whatever shrinks comes near to truths at the origin.
+        # Shrinking moves any estimate near to truths at the origin.
         origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
         if origin.upper.sum() < 2 * there.upper.sum():
             return 0.0
@@ -259,7 +259,7 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
 
 
 def state_warnings(sample: Sample) -> list[Notice]:
-    """What looks wrong with units, axes and origin of the two sides; at most one warning.
+    """Warn of units, axes and origin that look wrong; at most one warning.
 
     Parameters
     ----------
@@ -271,15 +271,15 @@ def state_warnings(sample: Sample) -> list[Notice]:
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
     ):
         return []
-    found = _best(sample, _linear(sample)) if sample.is_bad else None
-    found = found or _best(sample, _displaced(sample), FITTED)
-    suspicious = found is not None or few_are_near(sample.here)
-    if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
+    best = _best(sample, _linear(sample)) if sample.is_bad else None
+    best = best or _best(sample, _displaced(sample), FITTED)
+    suspicious = best is not None or few_are_near(sample.here)
+    if suspicious and len(sample.steps) >= FIRST_STEPS:  # more steps must confirm it
         sample = sample.larger
-        saved = _saved_by(found[1], sample) if found else 0.0
-        found = (saved, found[1]) if found and saved else None
-    if found is not None:
-        saved, change = found
+        saved = _saved_by(best[1], sample) if best else 0.0
+        best = (saved, best[1]) if best and saved else None
+    if best is not None:
+        saved, change = best
         return [
             Notice(
                 code=change.code,
@@ -293,7 +293,7 @@ def state_warnings(sample: Sample) -> list[Notice]:
 def _best(
     sample: Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
-    """The change that saves the most, the first one of equals; None if none convinces."""
+    """Return the change that saves the most, the first one of equals; None if none convinces."""
     best: tuple[float, _Change] | None = None
     for change in changes:
         saved = _saved_by(change, sample, fewest)
@@ -303,7 +303,7 @@ def _best(
 
 
 def _linear(sample: Sample) -> Iterator[_Change]:
-    """Other units, columns in another order, negated columns."""
+    """Yield other units, columns in another order, negated columns."""
     columns = sample.columns
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
@@ -323,7 +323,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # which angles have not
+            way = option("unit_scale", value)  # angles have no such option
             if angles or names != lengths:
                 way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
@@ -342,7 +342,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
-    """Orders of the columns and signs, the simplest ones first, without the one that is none."""
+    """Yield orders of the columns and signs, the simplest ones first, without the identity."""
     size = len(columns)
     same = tuple(range(size))
     if columns == BOX:
@@ -372,7 +372,7 @@ def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]
 def _turned(
     columns: tuple[str, ...], order: tuple[int, ...], signs: Floats, offset: Floats | None = None
 ) -> _Change:
-    """Columns in another order, or negated, or both."""
+    """Return columns in another order, or negated, or both."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
     moved = [
         (name, columns[source])
@@ -400,7 +400,7 @@ def _turned(
 
 
 def _displaced(sample: Sample) -> Iterator[_Change]:
-    """Another origin, also of axes that are negated or exchanged."""
+    """Yield another origin, also of axes that are negated or exchanged."""
     columns = sample.columns
     size = len(columns)
     mean = None if sample.is_bad else _mean_difference(sample)
@@ -409,7 +409,7 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
-        return  # no distance of differences
+        return  # differences have no such distance
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
@@ -451,7 +451,7 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
 
 
 def _mean_difference(sample: Sample) -> Floats | None:
-    """What pairs that are near have in common, if it is most of their distance."""
+    """Return the common difference of near pairs, if it is most of their distance."""
     here = sample.here
     if len(here.taken) < FITTED:
         return None
@@ -461,23 +461,23 @@ def _mean_difference(sample: Sample) -> Floats | None:
     )
     if np.count_nonzero(np.bincount(truth[0].track[truth[1]])) < FEWEST_TRACKS:
         return None
-    apart = truth[0].state[truth[1]] - estimate[0].state[estimate[1]]
-    mean = apart.mean(axis=0)
-    if 2 * np.square(apart - mean).sum() > np.square(apart).sum():
+    differences = truth[0].state[truth[1]] - estimate[0].state[estimate[1]]
+    mean = differences.mean(axis=0)
+    if 2 * np.square(differences - mean).sum() > np.square(differences).sum():
         return None
     return np.asarray(mean)
 
 
 def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
-    """The difference on which the most pairs agree within the radius (d,)."""
+    """Return the difference on which the most pairs agree within the radius (d,)."""
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
         return None
-    apart = truth.state[rows[0]] - estimate.state[rows[1]]
-    scaled = np.array([column / own for column, own in zip(apart.T, radius, strict=True)])
+    differences = truth.state[rows[0]] - estimate.state[rows[1]]
+    scaled = np.array([column / own for column, own in zip(differences.T, radius, strict=True)])
     if not np.isfinite(scaled).all() or np.abs(scaled).max() > 2.0**52:
         return None
-    cell = np.zeros(len(apart), np.int64)
+    cell = np.zeros(len(differences), np.int64)
     for column in np.floor(scaled):  # np.unique of rows takes ten times as long
         values, place = np.unique(column, return_inverse=True)
         cell = np.unique(cell * len(values) + place, return_inverse=True)[1]
@@ -490,7 +490,7 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
 
 
 def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
-    """Rows of all pairs of some steps, about so many as votes are wanted."""
+    """Return rows of all pairs of some steps, about so many as votes are wanted."""
     counts = [np.bincount(side, minlength=steps) for side in (first, second)]
     starts = [np.concatenate(([0], np.cumsum(count))) for count in counts]
     pairs = counts[0] * counts[1]

@@ -54,7 +54,7 @@ _powers_of_five()
 
 
 cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcept:
-    """The lower 64 bits of a product, and the upper."""
+    """Return the lower 64 bits of a product, and the upper."""
     cdef uint64_t half = 0xFFFFFFFF
     cdef uint64_t low = (one & half) * (two & half)
     cdef uint64_t first = (one >> 32) * (two & half) + (low >> 32)
@@ -64,7 +64,7 @@ cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcep
 
 
 cdef double nearest(uint64_t mantissa, int scale) noexcept:
-    """The double nearest to mantissa 10^scale, of a mantissa > 0 and a scale within `SCALES`.
+    """Return the double nearest to mantissa 10^scale, for a mantissa > 0 and a scale in `SCALES`.
 
     Eisel and Lemire: Lemire, Number parsing at a gigabyte per second, Software: Practice and
     Experience 51 (2021); that 128 bits of the power suffice: Mushtak and Lemire, Fast number
@@ -102,7 +102,7 @@ cdef inline bint is_digit(const char* at, const char* stop) noexcept:
 
 
 cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
-    """The double of a number of any length as Python reads it; infinite where it is none."""
+    """Return the double of a number of any length as Python reads it; infinite if it is none."""
     cdef char[LONGEST + 1] text
     cdef char* end
     cdef Py_ssize_t length = stop - at, k
@@ -119,7 +119,7 @@ cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
 cdef const char* number(
     const char* at, const char* stop, const u8* letters, char decimal, double* value
 ) except? NULL:
-    """The end of the field, whose number is written to `value`, NaN where blank; NULL where odd.
+    """Return the end of a field; write its number to `value`, NaN if blank; NULL where odd.
 
     A mantissa up to 2^53 times or through a power of ten up to 10^22: both are doubles, so that
     the one operation rounds correctly (Clinger, How to read floating point numbers accurately,
@@ -236,7 +236,7 @@ cdef class Coder:
 
 
 cdef bint is_marked(const char* at, const char* stop) noexcept:
-    """Whether a row begins like a comment, in quotes as well."""
+    """Return whether a row begins like a comment, in quotes as well."""
     cdef bint quoted = False
     while at < stop and (at[0] == c' ' or at[0] == c'\t' or (at[0] == c'"' and not quoted)):
         quoted |= at[0] == c'"'
