@@ -203,6 +203,6 @@ def test_step_summary_stays_under_a_megabyte(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8").endswith("see the log or the JUnit report.*\n")
     append_summary(many, str(path))
     assert path.stat().st_size <= SUMMARY
-    append_summary(many, None)
+    append_summary(report(outcome("a")), None)
     with pytest.raises(ConfigError, match="cannot be written"):
-        append_summary(many, str(tmp_path / "none" / "summary.md"))
+        append_summary(report(outcome("a")), str(tmp_path / "none" / "summary.md"))

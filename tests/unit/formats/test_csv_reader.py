@@ -91,8 +91,13 @@ def test_spelling_does_not_matter(write: Write, content: str | bytes) -> None:
     assert trajectories.times.dtype == np.int64
 
 
-@pytest.mark.parametrize("name", ["id", "track_id", "target_id", "object_id", "ID", "Track_ID"])
-@pytest.mark.parametrize("time", ["t", "time", "timestamp", "frame", "step", "T", "TimeStamp"])
+@pytest.mark.parametrize(
+    ("name", "time"),
+    [
+        *((name, "t") for name in ("track_id", "target_id", "object_id", "ID", "Track_ID")),
+        *(("id", time) for time in ("time", "timestamp", "frame", "step", "T", "TimeStamp")),
+    ],
+)
 def test_header_aliases(write: Write, name: str, time: str) -> None:
     path = write("a.csv", PLAIN.replace("id,t,x,y", f"{name},{time},X,y"))
     assert rows_of(read_trajectories(path)) == SAME
