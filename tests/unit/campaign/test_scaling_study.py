@@ -210,8 +210,9 @@ def test_one_process_at_a_time(tmp_path: Path, invoke: Invoke) -> None:
         assert "another process is at work on it" in invoke(*small).err
 
 
-def test_report(study: Path, invoke: Invoke) -> None:
+def test_report(study: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
+    monkeypatch.setattr("tgospa_eval.show.figure_tools.written", lambda *_: b"")
     folder = study
     given = ("--format", "markdown", "--pictures", "png,pdf", "--style", "paper")
     answer = invoke(*SMALL, "-o", str(folder), *given)
