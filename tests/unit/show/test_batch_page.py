@@ -9,7 +9,6 @@ from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.batch import MOST_SQUARES, RmsCurve, heat_of, on_one_axis
 from tgospa_eval.show.rendering import first_names, order_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
-from tgospa_eval.show.time_axis import nice
 
 
 def luminance(colour: str) -> float:
@@ -66,12 +65,6 @@ def test_of_many_rows_those_that_lose_most_are_shown() -> None:
     assert made["rows"][1] == "201"
     assert made["ends"] is not None
     assert made["ends"][0] == pytest.approx(201**0.5)
-
-
-def test_axes_have_round_numbers() -> None:
-    assert nice(0, 9.3, 5) == [0, 2, 4, 6, 8]
-    assert nice(3, 59, 5) == [20, 40]
-    assert nice(1, 1, 5) == [1]
 
 
 def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
