@@ -21,12 +21,16 @@ Invoke = Callable[..., Any]
 RUNS = 4
 
 
-@pytest.fixture
-def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(params=[RUNS])
+def runs(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Some runs of two trackers: the error of tracker b is twice that of tracker a."""
     monkeypatch.chdir(tmp_path)
-    write_runs(RUNS)
+    write_runs(request.param)
     return tmp_path
+
+
+few = pytest.mark.parametrize("runs", [2], indirect=True)
+"""Where each job writes a folder."""
 
 
 def batch(invoke: Invoke, *arguments: str) -> Any:
@@ -206,35 +210,38 @@ def test_what_is_wrong_is_said_before_any_work(invoke: Invoke, runs: Path) -> No
         assert not Path("r").exists()
 
 
+@few
 def test_reports_that_are_asked_for_later_are_written(invoke: Invoke, runs: Path) -> None:
     batch(invoke)
     for more, folder in (((), "r/reports/a/0"), (("--proof",), "r/reports/a/0/proof")):
         answer = batch(invoke, "--reports", *more)
         assert answer.status == 0
-        assert answer.out.startswith("8 jobs, 0 failed")
+        assert answer.out.startswith("4 jobs, 0 failed")
         assert Path(folder).is_dir()
-    assert "8 jobs of 8 done before" in batch(invoke, "--reports", "--proof").err
+    assert "4 jobs of 4 done before" in batch(invoke, "--reports", "--proof").err
 
 
+@few
 def test_a_report_that_cannot_be_written_is_told_and_tried_again(
     invoke: Invoke, runs: Path
 ) -> None:
     batch(invoke)
     Path("r/reports/a").mkdir(parents=True)
-    Path("r/reports/a/2").touch()
+    Path("r/reports/a/1").touch()
     Path("r/jobs/part-1.new").touch()  # of a process that was killed
     answer = batch(invoke, "--reports")
     assert answer.status == 5
-    assert answer.out.startswith("8 jobs, 0 failed")  # the value is there as before
-    assert "\na/2: --output r/reports/a/2: is a file; name a folder\n" in answer.err
-    assert "8 jobs of 8 done before" in batch(invoke).err  # without folders nothing is wrong
-    Path("r/reports/a/2").unlink()
+    assert answer.out.startswith("4 jobs, 0 failed")  # the value is there as before
+    assert "\na/1: --output r/reports/a/1: is a file; name a folder\n" in answer.err
+    assert "4 jobs of 4 done before" in batch(invoke).err  # without folders nothing is wrong
+    Path("r/reports/a/1").unlink()
     answer = batch(invoke, "--reports")
-    assert (answer.status, "7 jobs of 8 done before" in answer.err) == (0, True)
-    assert Path("r/reports/a/2/result.json").is_file()
-    assert "8 jobs of 8 done before" in batch(invoke, "--reports").err
+    assert (answer.status, "3 jobs of 4 done before" in answer.err) == (0, True)
+    assert Path("r/reports/a/1/result.json").is_file()
+    assert "4 jobs of 4 done before" in batch(invoke, "--reports").err
 
 
+@few
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")
 def test_names_that_are_no_text(invoke: Invoke, runs: Path) -> None:
     os.rename("out/a", b"out/\xff")
@@ -379,8 +386,7 @@ def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: P
     assert by_both["ranking"] == document["ranking"]
 
 
-@pytest.mark.parametrize("verb", ["batch", "compare", "gate"])
-def test_what_is_no_estimate_is_passed_over(invoke: Invoke, runs: Path, verb: str) -> None:
+def test_what_is_no_estimate_is_passed_over(invoke: Invoke, runs: Path) -> None:
     os.rename("out", "data")
     os.rename("gt", "data/gt")
     shutil.copytree("data/a", "data/.c")
@@ -392,35 +398,33 @@ def test_what_is_no_estimate_is_passed_over(invoke: Invoke, runs: Path, verb: st
     pair = ("data/gt/0.csv", "data/a/0.csv", "-c", "10")
     assert invoke("evaluate", *pair, "-o", "data/old", "-q").status == 0
     assert Path("data/old/per_step.csv").exists()
-    if verb == "batch":
-        answer = invoke(*store)
-        elsewhere = invoke("batch", *asked, "-o", "r", "--by", "tracker", "--format", "json")
-        names = [[g["tracker"] for g in json.loads(a.out)["groups"]] for a in (answer, elsewhere)]
-        assert names == [["a", "b"]] * 2
-        assert f"{2 * RUNS} jobs of {2 * RUNS} done before" in answer.err
-    elif verb == "compare":
-        arguments = ("compare", truth, estimate, "-c", "10", "--format", "json", "-o", "data/out")
-        assert invoke(*arguments).status == 0
-        answer = invoke(*arguments)
-        found = json.loads(answer.out)["estimates"]
-        assert sorted(item["name"] for item in found) == ["a", "b"]
-    else:
-        suite = f'max = "tgospa=99"\n[[pair]]\ntruth = "{truth}"\nestimate = "{estimate}"\n'
-        Path("suite.toml").write_text(suite, encoding="utf-8")
-        answer = invoke("gate", "--suite", "suite.toml", "-c", "10", "--format", "json")
-        names = [pair["name"] for pair in json.loads(answer.out)["pairs"]]
-        assert names == [f"{tracker}/{run}" for tracker in "ab" for run in range(RUNS)]
-    assert answer.status == 0
-    told = answer.err.replace("\\", "/").splitlines()
-    for text in (
-        f"data/.c/0.csv and {RUNS - 1} more files: passed over, being hidden by a dot; to evaluate "
-        "them, write data/.{tracker}/{run}.csv",
-        f"data/gt/0.csv and {RUNS - 1} more files: passed over, being the truth itself; to "
-        "evaluate them, write data/gt/{run}.csv",
-        ": passed over, being in a folder of results; to evaluate them, name their folder",
-    ):
-        assert sum(line.endswith(text) for line in told) == 1, told
-    assert sum("passed over" in line for line in told) == 3
+    answers = [invoke(*store)]
+    elsewhere = invoke("batch", *asked, "-o", "r", "--by", "tracker", "--format", "json")
+    for answer in (*answers, elsewhere):
+        assert [group["tracker"] for group in json.loads(answer.out)["groups"]] == ["a", "b"]
+    assert f"{2 * RUNS} jobs of {2 * RUNS} done before" in answers[0].err
+    compare = ("compare", truth, estimate, "-c", "10", "--format", "json", "-o", "data/out")
+    assert invoke(*compare).status == 0
+    answers.append(invoke(*compare))
+    found = json.loads(answers[-1].out)["estimates"]
+    assert sorted(item["name"] for item in found) == ["a", "b"]
+    suite = f'max = "tgospa=99"\n[[pair]]\ntruth = "{truth}"\nestimate = "{estimate}"\n'
+    Path("suite.toml").write_text(suite, encoding="utf-8")
+    answers.append(invoke("gate", "--suite", "suite.toml", "-c", "10", "--format", "json"))
+    names = [pair["name"] for pair in json.loads(answers[-1].out)["pairs"]]
+    assert names == [f"{tracker}/{run}" for tracker in "ab" for run in range(RUNS)]
+    for answer in answers:
+        assert answer.status == 0
+        told = answer.err.replace("\\", "/").splitlines()
+        for text in (
+            f"data/.c/0.csv and {RUNS - 1} more files: passed over, being hidden by a dot; to "
+            "evaluate them, write data/.{tracker}/{run}.csv",
+            f"data/gt/0.csv and {RUNS - 1} more files: passed over, being the truth itself; to "
+            "evaluate them, write data/gt/{run}.csv",
+            ": passed over, being in a folder of results; to evaluate them, name their folder",
+        ):
+            assert sum(line.endswith(text) for line in told) == 1, told
+        assert sum("passed over" in line for line in told) == 3
 
 
 def test_what_is_named_is_evaluated(invoke: Invoke, runs: Path) -> None:

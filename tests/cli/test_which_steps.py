@@ -413,8 +413,9 @@ def test_the_horizon_of_an_empty_truth_is_that_of_the_steps() -> None:
     assert np.isclose(found.total, 45 * 50)
 
 
-MOT = ("batch", "--layout", "motchallenge", "gt", "out", *GIVEN, "-o", "r", "--workers", "1")
-KITTI = ("batch", "--layout", "kitti", "gt", "out", *GIVEN, "-o", "r", "--workers", "1")
+JSON = (*GIVEN, "--format", "json", "-o", "r", "--workers", "1")
+MOT = ("batch", "--layout", "motchallenge", "gt", "out", *JSON)
+KITTI = ("batch", "--layout", "kitti", "gt", "out", *JSON)
 BOX = ",10,10,20,20,1,-1,-1,-1\n"
 LABEL = " Car 0 0 -1 10 10 30 30 1 1 1 1 1 1 0 1\n"
 
@@ -424,9 +425,8 @@ def written(path: str, text: str) -> None:
     Path(path).write_text(text, encoding="utf-8")
 
 
-def stored(invoke: Invoke) -> pd.DataFrame:
-    """The jobs of the store r."""
-    answer = invoke("batch", "report", "r", "--format", "json")
+def jobs(answer: Answer) -> pd.DataFrame:
+    """The jobs of a batch whose report is JSON."""
     return pd.DataFrame(json.loads(answer.out)["jobs"])
 
 
@@ -446,10 +446,10 @@ def sequences(invoke: Invoke) -> None:  # which goes to a folder of its own
 
 @pytest.mark.usefixtures("sequences")
 def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None:
-    answer = invoke(*MOT, "--by", "tracker", "--format", "json", "--per-step")
+    answer = invoke(*MOT, "--by", "tracker", "--per-step")
     assert answer.status == 0, answer.err
     document = json.loads(answer.out)
-    rows = stored(invoke).set_index(["label.tracker", "label.sequence"])
+    rows = jobs(answer).set_index(["label.tracker", "label.sequence"])
     assert rows["judged.steps"].to_dict() == {
         (tracker, name): length for tracker in "xy" for name, length in (("A", 10), ("B", 20))
     }
@@ -479,8 +479,7 @@ def test_a_changed_seqinfo_is_another_horizon(invoke: Invoke) -> None:
     seqinfo("A", 5)
     answer = invoke(*MOT)
     assert "2 jobs of 4 done before" in answer.err
-    rows = stored(invoke)
-    assert rows["judged.steps"].tolist() == [5, 20, 5, 20]
+    assert jobs(answer)["judged.steps"].tolist() == [5, 20, 5, 20]
     assert "4 jobs of 4 done before" in invoke(*MOT).err
 
 
@@ -501,7 +500,7 @@ def test_options_that_say_which_steps_count_win(
 ) -> None:
     answer = invoke(*MOT, *options)
     assert answer.status in (0, 5), answer.err
-    assert stored(invoke)["judged.steps"].tolist() == steps * 2
+    assert jobs(answer)["judged.steps"].tolist() == steps * 2
 
 
 @pytest.mark.usefixtures("sequences")
@@ -536,11 +535,11 @@ def test_sequences_without_a_length_keep_the_steps_of_their_truth(invoke: Invoke
     notice = "gt: no seqinfo.ini with seqLength for A: per step divides by the times of the truth's"
     assert answer.status == 0
     assert answer.err.count(notice) == 1
-    assert stored(invoke)["judged.steps"].tolist() == [3, 20, 3, 20]
+    assert jobs(answer)["judged.steps"].tolist() == [3, 20, 3, 20]
     Path("gt/A/seqinfo.ini").write_text("\ufeff[Sequence]\r\nSEQLENGTH : 9\r\n", encoding="utf-8")
-    assert notice not in invoke(*MOT).err
-    assert stored(invoke)["judged.steps"].tolist() == [9, 20, 9, 20]
-    assert notice not in invoke(*MOT, "-q").err
+    answer = invoke(*MOT)
+    assert notice not in answer.err
+    assert jobs(answer)["judged.steps"].tolist() == [9, 20, 9, 20]
 
 
 def test_steps_of_kitti_are_the_frames_of_the_seqmap(invoke: Invoke) -> None:
@@ -549,26 +548,25 @@ def test_steps_of_kitti_are_the_frames_of_the_seqmap(invoke: Invoke) -> None:
         written(f"gt/label_02/{name}.txt", f"0 1{LABEL}3 1{LABEL}")
         written(f"out/x/data/{name}.txt", f"9 1{LABEL}10 1{LABEL}")
     told = "gt: no frames in evaluate_tracking.seqmap.training for"
-    assert f"{told} 0000, 0001: per step" in invoke(*KITTI).err
-    assert stored(invoke)["judged.steps"].tolist() == [2, 2]
+    answer = invoke(*KITTI)
+    assert f"{told} 0000, 0001: per step" in answer.err
+    assert jobs(answer)["judged.steps"].tolist() == [2, 2]
     written("gt/evaluate_tracking.seqmap.training", "0000 empty 000000 000010\n")
     written("gt/evaluate_tracking.seqmap.test", "0000 empty 000000 000099\n0001 empty 0 99\n")
     answer = invoke(*KITTI)
     assert f"{told} 0001: per step" in answer.err
     assert "x/0000: 0 rows of the truth and 1 of the estimate" in answer.err
-    rows = stored(invoke)
+    rows = jobs(answer)
     assert rows["judged.steps"].tolist() == [10, 2]
     assert rows["total"].tolist() == pytest.approx([150, 200])
     assert rows["normalised.tgospa"][0] == pytest.approx(15**0.5)
     # A map of names selects; one with frames goes before that of the folder.
     written("names", "0000\n")
     rerun = [*KITTI[:-3], "s", *KITTI[-2:], "--seqmap"]
-    assert invoke(*rerun, "names").status == 0
-    assert pd.read_parquet("s/jobs")["judged.steps"].tolist() == [10]
+    assert jobs(invoke(*rerun, "names"))["judged.steps"].tolist() == [10]
     written("frames", "0001,empty,000002,000012\n")
     rerun[rerun.index("s")] = "u"
-    assert invoke(*rerun, "frames").status == 0
-    (row,) = pd.read_parquet("u/jobs").to_dict("records")
+    (row,) = jobs(invoke(*rerun, "frames")).to_dict("records")
     assert (row["judged.steps"], row["judged.first"], row["judged.last"]) == (10, "2", "11")
     written("frames", "0001 empty 000010 000010\n")
     answer = invoke(*rerun, "frames")

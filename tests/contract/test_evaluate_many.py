@@ -125,7 +125,7 @@ def test_sides_in_every_form_are_the_same_runs() -> None:
 
 def test_processes_give_the_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
-    pairs = [tuple(rng.normal(size=(2, 40, 5, 2))) for _ in range(120)]
+    pairs = [tuple(rng.normal(size=(2, 40, 5, 2))) for _ in range(40)]
     here = evaluate_many(pairs, cutoff=2.0, jobs=1)
     monkeypatch.setattr("tgospa_eval.api.evaluate_many.PATIENCE", 0.0)
     assert evaluate_many(pairs, cutoff=2.0, jobs=2).rows == here.rows

@@ -1,7 +1,5 @@
 """Root mean squares over runs at each time, and their bands."""
 
-import csv
-import io
 from typing import get_args
 
 import numpy as np
@@ -13,9 +11,7 @@ from tgospa_eval.api.options import BAND_KINDS
 from tgospa_eval.campaign.statistics import intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.campaign.sums import rms_curves
-from tgospa_eval.results.records import PARTS
-from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve, curves_columns, curves_json
-from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve
 
 Steps = dict[str, float]
 """Cost by time."""
@@ -53,36 +49,6 @@ def curves(steps: pd.DataFrame, count: int, **settings: BandKind) -> dict[str, R
     """Those of one group by kind."""
     found, _ = rms_curves(rows("a" * count), steps, [], **settings)
     return {curve.kind: curve for curve in found}
-
-
-def test_every_run_counts_at_each_time() -> None:
-    found = curves(stored({"1": 4, "2": 8}, {"2": 8, "3": 16}, {"2": 2}), 3)
-    single, cumulative = found["step"], found["cumulative"]
-    assert list(found) == ["step", "cumulative"]
-    assert (single.times, single.runs) == ([1, 2, 3], [3, 3, 3])
-    assert single.rms["total"] == pytest.approx(np.sqrt([4 / 3, 6, 16 / 3]))
-    assert single.rms["localisation"] == pytest.approx(np.sqrt([1 / 3, 1.5, 4 / 3]))
-    assert single.rms["false"] == pytest.approx(np.sqrt([1, 4.5, 4]))
-    assert single.rms["missed"] == single.rms["switch"] == [0.0] * 3
-    # Each run by its own steps: the last are 12 / 2, 24 / 2 and 2 / 1.
-    assert cumulative.rms["total"] == pytest.approx(np.sqrt([4 / 3, 16 / 3, 20 / 3]))
-    assert single.bounds is None
-    # With fewer than six runs nothing is said of others.
-    assert single.bands == {}
-
-
-def test_before_the_horizon_costs_are_divided_by_one() -> None:
-    found = curves(stored({"1": 4, "2": 5, "3": 7}, horizon=2), 1)
-    assert found["cumulative"].rms["total"] == pytest.approx([2, 3, 4])
-
-
-def test_values_of_the_steps_so_far_last_until_the_next() -> None:
-    found = curves(stored({"1": 0, "3": 0}, {"2": 0}, traced=True), 2)["growing"]
-    assert found.rms["total"] == pytest.approx(np.sqrt([0.5, 1, 2.5]))
-    assert found.bounds is not None
-    assert found.bounds[0] == pytest.approx(0.9 * np.sqrt([0.5, 1, 2.5]))
-    assert found.bounds[1] == found.rms["total"]
-    assert list(found.rms) == ["total"]
 
 
 def test_groups_are_apart_and_so_are_parameters() -> None:
@@ -225,19 +191,3 @@ def test_bands_of_values_with_bounds_hold_both() -> None:
 
 def test_the_command_offers_all_bands() -> None:
     assert tuple(BANDS) == get_args(BandKind) == BAND_KINDS
-
-
-def test_as_csv_and_json() -> None:
-    found, _ = rms_curves(rows("aa"), stored({"1": 4}, {"1": 4, "2": 0}, traced=True), ["tracker"])
-    table = list(csv.DictReader(io.StringIO(csv_text(curves_columns(found)))))
-    assert [
-        (row["tracker"], row["curve"], row["step"], row["t"], row["runs"]) for row in table
-    ] == [("a", kind, k, k, "2") for kind in ("step", "cumulative", "growing") for k in "12"]
-    assert [table[0][name] for name in ("rms", *PARTS)] == ["2.0", "1.0", "0.0", str(3**0.5), "0.0"]
-    assert table[0]["band_low"] == table[0]["false_high"] == table[4]["missed"] == ""
-    document = curves_json(found)
-    assert [(item["by"], item["curve"], item["band"]) for item in document] == [
-        ({"tracker": "a"}, kind, "interval") for kind in ("step", "cumulative", "growing")
-    ]
-    assert document[2]["points"][1]["t"] == 2
-    assert document[2]["points"][1]["rms"] == pytest.approx(2.5**0.5)

@@ -181,32 +181,30 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
     assert f"% {answer.err.splitlines()[0]}" in answer.out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["moved"], 2, "no order: not judged on the same truth (a, a/result.json: 3 "),
-        (["wide"], 2, "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
-        (["a.csv"], 2, "a.csv: is no saved result, but a is; a saved result is the result.json of"),
-        (["none"], 2, "none: is no saved result, but a is"),
-        (["baseline.json"], 2, "baseline.json: is no saved result, but a is"),
-        (["./a"], 2, "a/result.json: is the same as "),
-        ([], 2, "a: is a single saved result; name those to rank it with"),
-        (["b", "--cutoff", "5"], 2, "--cutoff needs the data, and a is a saved result"),
-        (["b", "--against", "per-step-gospa"], 2, "--against needs the data"),
-        (["b", "-o", "a"], 2, "--output a: "),
-    ],
+NO_RANKING = (
+    (["moved"], "no order: not judged on the same truth (a, a/result.json: 3 "),
+    (["wide"], "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
+    (["a.csv"], "a.csv: is no saved result, but a is; a saved result is the result.json of"),
+    (["none"], "none: is no saved result, but a is"),
+    (["baseline.json"], "baseline.json: is no saved result, but a is"),
+    (["./a"], "a/result.json: is the same as "),
+    ([], "a: is a single saved result; name those to rank it with"),
+    (["b", "--cutoff", "5"], "--cutoff needs the data, and a is a saved result"),
+    (["b", "--against", "per-step-gospa"], "--against needs the data"),
+    (["b", "-o", "a"], "--output a: "),
 )
-def test_what_cannot_be_ranked(
-    arguments: list[str], status: int, message: str, save: Save, write: Write, invoke: Invoke
-) -> None:
+
+
+def test_what_cannot_be_ranked(save: Save, write: Write, invoke: Invoke) -> None:
     save("moved", track(0, 1, 0), truth=TRUTH.replace("1,2,0", "1,2,0.5"))
     save("wide", track(0, 2, 0), "-c", "6", "-g", "2")
     for name in ("a", "b"):
         save(name, track(0, 1, 0))
     write("baseline.json", '{"schema": "tgospa-eval/baseline/1"}')
-    answer = invoke("compare", "a", *arguments)
-    assert (answer.status, answer.out) == (status, "")
-    assert message in answer.err
+    for arguments, message in NO_RANKING:
+        answer = invoke("compare", "a", *arguments)
+        assert (answer.status, answer.out) == (2, ""), arguments
+        assert message in answer.err
 
 
 def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) -> None:
@@ -221,48 +219,48 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     ) in answer.err
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda d: d.update(schema="tgospa-eval/result/9"),
-            'its schema is "tgospa-eval/result/9", this version reads "tgospa-eval/result/1"',
-        ),
-        (lambda d: d.update(lower_bound=2.0), "lower_bound is 2, but upper_bound is 1.00000"),
-        (lambda d: d.update(total=2.5), "total is 2.5, but tgospa to the power of the order is 1"),
-        (lambda d: d["per_step"][1].update(total=5.0), "the numbers of per_step.total sum to 5"),
-        (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
-        (lambda d: d.update(missed=True), "missed is true; expected a finite number >= 0"),
-        (lambda d: d["normalised"].update(tgospa=9.0), "normalised.tgospa is 9, but total and"),
-        (lambda d: d["normalised"].update(tgospa=0), "normalised.tgospa is 0, but total and"),
-        (lambda d: d["counts"].update(false=10**400), "counts.false is 1000"),
-        (lambda d: d["counts"].update(false=3), "false is 0, but counts.false makes it 37.5"),
-        (lambda d: d.update(relative_gap=0.5), "relative_gap is 0.5, but lower_bound and upper"),
-        (lambda d: d["parameters"].update(order=0), "parameters.order is 0; expected a finite"),
-        (lambda d: d.pop("tgospa"), "tgospa: is missing; expected a finite number >= 0"),
-        (lambda d: d.pop("judged"), "judged: is missing; expected an object; evaluate again and"),
-        (lambda d: d["judged"].update(truth_sha256=5), "judged.truth_sha256 is 5; expected a text"),
-        (lambda d: d.update(files=None), "files is null; expected an object"),
-        (lambda d: d["solver"].pop("finished"), "solver.finished: is missing; expected true or"),
-        (lambda d: d.update(per_step=[1]), "per_step[0] is 1; expected an object"),
-        (lambda d: d["per_step"].reverse(), "per_step: times are not in order"),
-        (lambda d: d["per_step"][1].update(t=None), "per_step[1].t is null; expected a finite"),
-        (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
-        (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
-        (lambda d: d.update(warnings=[{"code": 1}]), "warnings[0].text: is missing; expected a"),
-    ],
+CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
+    (
+        lambda d: d.update(schema="tgospa-eval/result/9"),
+        'its schema is "tgospa-eval/result/9", this version reads "tgospa-eval/result/1"',
+    ),
+    (lambda d: d.update(lower_bound=2.0), "lower_bound is 2, but upper_bound is 1.00000"),
+    (lambda d: d.update(total=2.5), "total is 2.5, but tgospa to the power of the order is 1"),
+    (lambda d: d["per_step"][1].update(total=5.0), "the numbers of per_step.total sum to 5"),
+    (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
+    (lambda d: d.update(missed=True), "missed is true; expected a finite number >= 0"),
+    (lambda d: d["normalised"].update(tgospa=9.0), "normalised.tgospa is 9, but total and"),
+    (lambda d: d["normalised"].update(tgospa=0), "normalised.tgospa is 0, but total and"),
+    (lambda d: d["counts"].update(false=10**400), "counts.false is 1000"),
+    (lambda d: d["counts"].update(false=3), "false is 0, but counts.false makes it 37.5"),
+    (lambda d: d.update(relative_gap=0.5), "relative_gap is 0.5, but lower_bound and upper"),
+    (lambda d: d["parameters"].update(order=0), "parameters.order is 0; expected a finite"),
+    (lambda d: d.pop("tgospa"), "tgospa: is missing; expected a finite number >= 0"),
+    (lambda d: d.pop("judged"), "judged: is missing; expected an object; evaluate again and"),
+    (lambda d: d["judged"].update(truth_sha256=5), "judged.truth_sha256 is 5; expected a text"),
+    (lambda d: d.update(files=None), "files is null; expected an object"),
+    (lambda d: d["solver"].pop("finished"), "solver.finished: is missing; expected true or"),
+    (lambda d: d.update(per_step=[1]), "per_step[0] is 1; expected an object"),
+    (lambda d: d["per_step"].reverse(), "per_step: times are not in order"),
+    (lambda d: d["per_step"][1].update(t=None), "per_step[1].t is null; expected a finite"),
+    (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
+    (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
+    (lambda d: d.update(warnings=[{"code": 1}]), "warnings[0].text: is missing; expected a"),
 )
-def test_changed_results_are_refused(
-    change: Callable[[Any], Any], message: str, save: Save, invoke: Invoke
-) -> None:
-    for name in ("a", "b"):
-        path = Path(save(name, track(0, 1, 0)), "result.json")
-        document = json.loads(path.read_text(encoding="utf-8"))
-        change(document)
-        path.write_text(json.dumps(document), encoding="utf-8")
-    answer = invoke("compare", "a", "b")
-    assert (answer.status, answer.out) == (3, "")
-    assert message in answer.err
+"""Of a document, with what the refusal says."""
+
+
+def test_changed_results_are_refused(save: Save, invoke: Invoke) -> None:
+    paths = [Path(save(name, track(0, 1, 0)), "result.json") for name in ("a", "b")]
+    saved = [path.read_text(encoding="utf-8") for path in paths]
+    for change, message in CHANGES:
+        for path, text in zip(paths, saved, strict=True):
+            document = json.loads(text)
+            change(document)
+            path.write_text(json.dumps(document), encoding="utf-8")
+        answer = invoke("compare", "a", "b")
+        assert (answer.status, answer.out) == (3, ""), message
+        assert message in answer.err
 
 
 def test_bounds_that_were_not_met_are_told(save: Save, invoke: Invoke, write: Write) -> None:
@@ -310,6 +308,6 @@ def test_whatever_was_saved_is_right(
     assert read_result("out/result.json")["schema"].startswith("tgospa-eval/result/")
     write("m.csv", "truth,estimate,run\nt.csv,e.csv,a\ne.csv,t.csv,b\n")
     if not {"--by", "--window"} & {*options}:
-        invoke("batch", "m.csv", *common, "--per-step", "-q", "-o", "s", "--workers", "1")
-        answer = invoke("batch", "report", "s")
+        batch = ("batch", "m.csv", *common, "--per-step", "-q", "-o", "s", "--workers", "1")
+        answer = invoke(*batch)  # which reads what it has stored
         assert answer.status in (0, 4), answer.err

@@ -4,6 +4,7 @@ import itertools
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,15 +39,31 @@ def _no_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr("tgospa_eval.show.style.available", lambda: False)
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the study of all tests is kept once it is made."""
+    return tmp_path_factory.mktemp("kept") / "study"
+
+
+@pytest.fixture
+def study(tmp_path: Path, invoke: Invoke, kept: Path) -> Path:
+    """A folder of its own with that study."""
+    if not kept.exists():
+        assert invoke(*SMALL, "-o", str(kept)).status == 0
+    return Path(shutil.copytree(kept, tmp_path / "study"))
+
+
 def test_spread() -> None:
     assert spread([1.0, 3.0]) == {"mean": 2.0, "deviation": pytest.approx(2**0.5), "max": 3.0}
     assert spread([1.0])["deviation"] is None
     assert spread([])["mean"] is None
 
 
-def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invoke: Invoke) -> None:
+def test_killed_study_goes_on(
+    study: Path, tmp_path: Path, environment: dict[str, str], invoke: Invoke
+) -> None:
     """What was done stays, what was cut off is done again, and all is as without the kill."""
-    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    killed, whole = tmp_path / "killed", study
     process = subprocess.Popen(
         [sys.executable, "-m", "tgospa_eval", *SMALL, "--runs", "500", "-o", str(killed)],
         env=environment,
@@ -58,8 +75,7 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
     process.send_signal(signal.SIGKILL)
     process.wait()
     kept = {part: part.read_bytes() for part in killed.glob("runs/jobs/part-*.parquet")}
-    for folder in (killed, whole):
-        assert invoke(*SMALL, "-o", str(folder)).status == 0
+    assert invoke(*SMALL, "-o", str(killed)).status == 0
     assert all(part.read_bytes() == content for part, content in kept.items())
     wanted = timeless(whole)
     of_whole = {row["key"]: repr(row) for row in wanted}
@@ -77,12 +93,9 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
     assert os.listdir(killed) == os.listdir(whole)
 
 
-def test_rows_of_a_study_are_those_of_a_batch(tmp_path: Path, invoke: Invoke) -> None:
+def test_rows_of_a_study_are_those_of_a_batch(study: Path, invoke: Invoke) -> None:
     """They can be added up and ranked: all solvers prove the same values."""
-    assert invoke(*SMALL, "-o", str(tmp_path / "study")).status == 0
-    report = invoke(
-        "batch", "report", str(tmp_path / "study/runs"), "--by", "solver", "--format", "json"
-    )
+    report = invoke("batch", "report", str(study / "runs"), "--by", "solver", "--format", "json")
     ranking = json.loads(report.out)["ranking"]
     assert {item["name"] for item in ranking} == {"certified", "sinkhorn 0.1", "sinkhorn 0.03"}
     assert ranking[0]["jobs"] == 12
@@ -197,9 +210,10 @@ def test_one_process_at_a_time(tmp_path: Path, invoke: Invoke) -> None:
         assert "another process is at work on it" in invoke(*small).err
 
 
-def test_report(tmp_path: Path, invoke: Invoke) -> None:
+def test_report(study: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
-    folder = tmp_path / "study"
+    monkeypatch.setattr("tgospa_eval.show.figure_tools.written", lambda *_: b"")
+    folder = study
     given = ("--format", "markdown", "--pictures", "png,pdf", "--style", "paper")
     answer = invoke(*SMALL, "-o", str(folder), *given)
     report = (folder / "report.md").read_text(encoding="utf-8")

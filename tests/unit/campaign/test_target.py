@@ -67,16 +67,3 @@ def test_what_differs_from_a_revision(repository: Path, monkeypatch: pytest.Monk
         assert {
             name: (target.has(path), target.has_another(path)) for name, path in paths.items()
         } == expected
-
-
-def test_links_of_a_revision_are_followed(repository: Path) -> None:
-    Path("link.toml").symlink_to("ci/suite.toml")
-    Path("lost.toml").symlink_to("none.toml")
-    Path("folder").symlink_to("ci")
-    git("add", ".")
-    git("commit", "-m", "links")
-    for name in ("link.toml", "lost.toml", "folder"):
-        Path(name).unlink()
-    target = Target("main")
-    assert target.read("link.toml") == target.read("folder/suite.toml") == b"new"
-    assert target.read("lost.toml") is target.read("folder") is None

@@ -37,16 +37,6 @@ def asked(folder: Path, **options: Any) -> JobTask:
     return JobTask(job=job, options=chosen, key=key)
 
 
-def test_a_time_limit_leaves_an_open_row(crowd: tuple[str, str], tmp_path: Path) -> None:
-    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
-        shutil.copy(path, tmp_path / name)
-    row = evaluate_job(asked(tmp_path, cutoff=25.0, time_limit=1e-6, jobs=1))
-    assert row["status"] == "open"
-    assert row["message"]
-    assert not row["certified"]
-    assert 0 <= row["total_lower"] < row["total_upper"]
-
-
 @pytest.mark.parametrize("name", ["t.csv", "e.csv"])
 def test_a_file_that_cannot_be_read(task: JobTask, tmp_path: Path, name: str) -> None:
     (tmp_path / name).unlink()

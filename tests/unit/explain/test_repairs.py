@@ -69,47 +69,12 @@ def test_merge_of_tracks_that_take_turns_saves_every_switch() -> None:
     check(of_kind(explained(tracks(A), tracks(even, odd)), "merge"), 3 * GAMMA**2, 0.0)
 
 
-def test_exchange_saves_both_switches() -> None:
-    a, b = (np.concatenate((one[:7], other[7:])) for one, other in ((A, B), (B, A)))
-    repair = explained(tracks(A, B), tracks(a, b)).repairs[0]
-    assert repair.text == "exchange estimates 0 and 1 from t = 7 on"
-    assert (repair.begin, repair.end) == (7, None)
-    check(repair, 2 * GAMMA**2, 0.0)
-
-
 def test_a_track_that_goes_on_as_another_one_is_joined_from_there() -> None:
     """Estimate 1 follows B first and A from 6 on, where estimate 0 ends."""
     estimate = tracks(only(A, 0, 6), np.concatenate((B[:6], A[6:])))
     repair = explained(tracks(A, only(B, 0, 6)), estimate).repairs[0]
     assert repair.text == "join estimate 1 from t = 6 on to estimate 0"
     check(repair, 1.5 * GAMMA**2, 0.0)
-
-
-def test_split_saves_both_halves() -> None:
-    estimate = np.concatenate((A[:6], B[6:]))
-    found = explained(tracks(only(A, 0, 6), only(B, 6, 12)), tracks(estimate))
-    assert [repair.kind for repair in found.repairs] == ["split"]
-    check(found.repairs[0], GAMMA**2, 0.0)
-    assert found.repaired().ids.tolist() == ["0", "0_2"]
-
-
-def test_a_false_track_is_dropped_and_a_false_end_cut_off() -> None:
-    truth, ghost = tracks(only(A, 2, 9)), only(B, 3, 5)
-    found = explained(truth, tracks(only(A, 1, 12), ghost))
-    check(of_kind(found, "drop"), 2 * 50, 4 * 50)
-    late, early = (repair for repair in found.repairs if repair.kind == "trim")
-    check(late, 3 * 50, 3 * 50)
-    check(early, 50, 5 * 50)
-    assert (late.text, early.text) == ("cut t = 9 to 11 off estimate 0", "cut t = 1 off estimate 0")
-
-
-def test_a_gap_is_filled_on_a_straight_line() -> None:
-    estimate = A.copy()
-    estimate[4:7] = NAN
-    (repair,) = explained(tracks(A), tracks(estimate)).repairs
-    assert (repair.kind, repair.begin, repair.end) == ("fill", 4, 6)
-    assert repair.rows == {"t": [4, 5, 6], "x": [4.0, 5.0, 6.0], "y": [0.0, 0.0, 0.0]}
-    check(repair, 3 * 50, 0.0)
 
 
 def test_both_ends_are_extended_at_constant_velocity() -> None:
@@ -123,13 +88,6 @@ def test_both_ends_are_extended_at_constant_velocity() -> None:
     assert late.rows["x"] == [9.0, 10.0, 11.0]
     check(late, 3 * 50, 2 * 50)
     check(early, 2 * 50, 3 * 50)
-
-
-def test_a_late_estimate_is_shifted_back() -> None:
-    late = np.concatenate((np.full((2, 2), NAN), A[:-2]))
-    repair = of_kind(explained(tracks(A), tracks(late)), "shift")
-    assert (repair.shift, repair.text) == (-2, "shift the whole estimate 2 steps earlier")
-    check(repair, 10 * 2**2, 2 * 50)  # 10 states are 2 behind, and 2 truths remain missed
 
 
 @pytest.mark.parametrize("periodic", [False, True])

@@ -12,30 +12,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from rows import PLAIN, SAME, refusal, rows_of
 
-from tgospa_eval import ConfigError, InputError, Trajectories, read_trajectories
+from tgospa_eval import InputError, Trajectories, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
 
 Write = Callable[[str, str | bytes], str]
-Rows = dict[tuple[str, Any], tuple[float, ...]]
-
-
-def rows_of(trajectories: Trajectories) -> Rows:
-    """States by id and time."""
-    return {
-        (trajectories.ids[track], trajectories.times[step].item()): tuple(state.tolist())
-        for step, track, state in zip(
-            trajectories.step, trajectories.track, trajectories.state, strict=True
-        )
-    }
-
-
-def refusal(path: str, **options: Any) -> list[str]:
-    """The lines of the message with which a file is refused."""
-    with pytest.raises(InputError) as caught:
-        read(path, ReadOptions(**options))
-    return str(caught.value).split("\n")
 
 
 @pytest.fixture(autouse=True, scope="module", params=["compiled", "careful", "large"])
@@ -56,9 +39,6 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 # --- one table in many spellings ------------------------------------------------------------------
-
-PLAIN = "id,t,x,y\na,1,1.5,2\nb,2,3,-4.25\n"
-SAME = {("a", 1): (1.5, 2.0), ("b", 2): (3.0, -4.25)}
 
 
 @pytest.mark.parametrize(
@@ -91,182 +71,6 @@ def test_spelling_does_not_matter(write: Write, content: str | bytes) -> None:
     assert trajectories.times.dtype == np.int64
 
 
-@pytest.mark.parametrize("name", ["id", "track_id", "target_id", "object_id", "ID", "Track_ID"])
-@pytest.mark.parametrize("time", ["t", "time", "timestamp", "frame", "step", "T", "TimeStamp"])
-def test_header_aliases(write: Write, name: str, time: str) -> None:
-    path = write("a.csv", PLAIN.replace("id,t,x,y", f"{name},{time},X,y"))
-    assert rows_of(read_trajectories(path)) == SAME
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        "TrackID,time_s,x_m,y_m",
-        "track id,Time [s],pos_x,pos_y",
-        "trackId,Timestamp (ns),Position X (m),Position Y (m)",
-        "obj_id,frame_id,utm_x,utm_y",
-        "uuid,frameNumber,Easting,Northing",
-        "target-id,datetime,xPosition,yPosition",
-    ],
-)
-def test_usual_headers(write: Write, header: str) -> None:
-    assert rows_of(read_trajectories(write("a.csv", PLAIN.replace("id,t,x,y", header)))) == SAME
-
-
-@pytest.mark.parametrize(
-    ("header", "said"),
-    [
-        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; say which, columns=(\'t=ts\','),
-        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; say which, columns=('),
-        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; say which, columns=(\'id=track\','),
-        ("id,Time,TIME,x", '"Time" and "TIME" may both be t'),
-    ],
-)
-def test_two_candidates_are_refused(write: Write, header: str, said: str) -> None:
-    assert said in refusal(write("a.csv", f"{header}\n1,2,3,4\n"))[0]
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-@pytest.mark.parametrize(
-    ("name", "taken", "passed"),
-    [
-        ("t", "time", "frame"),
-        ("t", "timestamp", "step"),
-        ("t", "timestamp", "frame"),
-        ("t", "Time", "TIMESTAMP"),
-        ("t", "time", "ts"),
-        ("t", "time", "time_ns"),
-        ("t", "frame", "time_s"),
-        ("t", "frame", "frame_id"),
-        ("id", "track_id", "object_id"),
-        ("id", "track_id", "mmsi"),
-        ("id", "track_id", "track_name"),
-        ("id", "target_id", "track"),
-    ],
-)
-def test_the_first_aliases_have_an_order(
-    write: Write, name: str, taken: str, passed: str, swapped: bool
-) -> None:
-    pair = (passed, taken) if swapped else (taken, passed)
-    other = "t" if name == "id" else "id"
-    values = {taken: 1, passed: 2, other: 3, "x": 4, "y": 5}
-    header = (*pair, other, "x", "y")
-    text = f"{','.join(header)}\n{','.join(str(values[column]) for column in header)}\n"
-    path = write("a.csv", text)
-    reading = read(path)
-    key = ("1", 3) if name == "id" else ("3", 1)
-    assert rows_of(reading.trajectories) == {key: (4.0, 5.0)}
-    remedy = f"columns=('{name}={passed}',)"
-    said = f'{name} is read from "{taken}", not from "{passed}"; {remedy} reads that'
-    assert said in reading.notices
-    mapped = read(path, ReadOptions(columns=(f"{name}={passed}",)))
-    key = ("2", 3) if name == "id" else ("3", 2)
-    assert rows_of(mapped.trajectories) == {key: (4.0, 5.0)}
-
-
-def test_only_columns_that_are_wanted_may_be_doubtful(write: Write) -> None:
-    path = write("a.csv", "id,t,x,y,bb_left,bbox_left\n1,2,3,4,5,6\n")
-    assert rows_of(read_trajectories(path)) == {("1", 2): (3.0, 4.0)}
-    path = write("b.csv", "id,time,frame,x\n1,2,3,4\n")
-    named = read(path, ReadOptions(columns=("x", "frame")))
-    assert rows_of(named.trajectories) == {("1", 2): (4.0, 3.0)}
-    assert not named.notices
-
-
-def test_a_plain_name_goes_before_aliases(write: Write) -> None:
-    path = write("a.csv", "id,track_id,t,frame,lat,lon,easting,northing\na,b,1,2,3,4,5,6\n")
-    trajectories = read_trajectories(path)
-    assert rows_of(trajectories) == {("a", 1): (3.0, 4.0)}
-    assert rows_of(read_trajectories(path, columns=("x", "y"))) == {("a", 1): (5.0, 6.0)}
-    path = write("b.csv", "id,t,pos_x,pos_y,left,top,width,height\na,1,0,0,10,20,4,6\n")
-    assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
-    radians = write("c.csv", "id,t,lat_rad,lon_rad\na,1,0,0\n")
-    assert "no column for position" in refusal(radians)[0]
-
-
-@pytest.mark.parametrize(
-    ("header", "row", "items"),
-    [
-        ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
-        ("name,secs,gps_east,gps_north", "b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
-        ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
-        ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
-    ],
-)
-def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
-    path = write("a.csv", f"{header}\n{row}\n")
-    assert f"columns={tuple(items.split(','))!r}" in refusal(path)[0]
-    assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
-
-
-@pytest.mark.parametrize(
-    ("header", "said"),
-    [
-        ("a,b,c,d", "map it with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows"),
-        ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
-        ("timestamp tx ty tz qx", "map it with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
-    ],
-)
-def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
-    assert said in refusal(write("a.csv", header + "\n"))[0]
-
-
-@pytest.mark.parametrize(
-    ("header", "columns"),
-    [
-        ("event-id,timestamp,location-long,location-lat,individual-local-identifier", "lat,lon"),
-        ("y,x,mass,size,frame,particle", "x,y"),  # trackpy
-        ("t,shipid,lon,lat,heading", "lat,lon"),
-        ("x_min,y_min,x_max,y_max,class_id,confidence,tracker_id,frame_index", "x,y"),
-    ],
-)
-def test_headers_of_public_data(write: Write, header: str, columns: str) -> None:
-    row = ",".join(map(str, range(1, 2 + header.count(","))))
-    found = read_trajectories(write("a.csv", f"{header}\n{row}\n"))
-    assert ",".join(found.columns) == columns
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        "t,x,y,conf",
-        "frame,score,x,y",
-        "t,x,y,p_exist,class,heading",
-        "t,x,y,rcs",
-        "t,objectness,x,y",
-        "t,x,y,snr_db,num_points",
-    ],
-)
-def test_scores_are_no_ids(write: Write, header: str) -> None:
-    row = ",".join("0.5" if name[0] in "cphs" else "2" for name in header.split(","))
-    (message,) = refusal(write("a.csv", f"{header}\n{row}\n"))
-    assert "no column for id (" in message
-    assert "columns=('id=HEADER',)" in message
-    assert "rows without ids are detections, and TGOSPA compares tracks" in message
-
-
-@pytest.mark.parametrize(
-    ("header", "meant"),
-    [
-        ("device_id,t,x,y", "id=device_id"),
-        ("device_id,t,target,x,y", "id="),
-        ("id,t,px,py,e,n", "x=px"),
-        ("id,t,my_east,my_north,z", "x=my_east"),
-    ],
-)
-def test_what_may_be_something_else_is_asked_for(write: Write, header: str, meant: str) -> None:
-    row = ",".join(map(str, range(2, 3 + header.count(","))))
-    assert meant in refusal(write("a.csv", f"{header}\n{row}\n"))[0]
-
-
-def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:
-    path = write("a.csv", "id,stamp_sec,stamp_nanosec,x\na,1,0,2\na,2,400000000,3\n")
-    assert "t=stamp_sec+stamp_nanosec" in refusal(path)[0]
-    assert rows_of(read_trajectories(path, columns=("t=stamp_sec", "x"))) == {
-        ("a", 1): (2.0,), ("a", 2): (3.0,)
-    }  # fmt: skip
-
-
 def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(
     write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,15 +82,6 @@ def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(
     assert len(text) > lines.LARGE_BYTES
     assert text[: 1 << 16].endswith(";1,2")
     assert "1,250" in refusal(write("a.csv", text))[0]
-
-
-def test_latitude_and_longitude_are_the_second_choice(write: Write) -> None:
-    path = write("a.csv", "id,t,lon,lat\na,1,11,48\n")
-    trajectories = read_trajectories(path)
-    assert trajectories.columns == ("lat", "lon")
-    assert rows_of(trajectories) == {("a", 1): (48.0, 11.0)}
-    path = write("b.csv", "id,t,lon,lat,x\na,1,11,48,5\n")
-    assert read_trajectories(path).columns == ("x",)
 
 
 def test_decimal_comma(write: Write) -> None:
@@ -322,23 +117,6 @@ def test_decimal_marks_in_doubt(write: Write, text: str) -> None:
 def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
     path = write("a.csv", "id;t;x;y;weight\na;1;15;2;0,5\nb;2;3;-4.25;0,5\n")
     assert rows_of(read_trajectories(path)) == {("a", 1): (15.0, 2.0), ("b", 2): (3.0, -4.25)}
-
-
-@pytest.mark.parametrize(
-    ("header", "remedy"),
-    [
-        ("id,secs,nsecs,x", "secs+nsecs"),
-        ("id,Pose.Sec,Pose.Nanosec,x", "Pose.Sec+Pose.Nanosec"),
-        ("id,tv_sec,tv_usec,x", "tv_sec+tv_usec"),
-        ("id,time_s,time_ns,x", "time_s+time_ns"),
-    ],
-)
-def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
-    path = write("a.csv", f"{header}\na,1600000000,500000,2\n")
-    assert f"two parts of one time; read both, columns=('t={remedy}',)" in refusal(path)[0]
-    part = 500_000_000 if "usec" in header else 500_000
-    read = read_trajectories(path, columns=(f"t={remedy}", "x"))
-    assert rows_of(read) == {("a", 16 * 10**17 + part): (2.0,)}
 
 
 @pytest.mark.parametrize(
@@ -638,37 +416,6 @@ def test_duplicates(write: Write) -> None:
     assert kept == {"first": (1.0,), "last": (3.0,)}
 
 
-@pytest.mark.parametrize(
-    ("ids", "cause"),
-    [
-        ("-1", "every id is -1: these are detections, and TGOSPA compares tracks"),
-        ("7", 'nearly every id is "7", as of detections, and TGOSPA compares tracks'),
-        ("abcde", "name the columns of ids and times"),
-    ],
-)
-def test_most_rows_are_duplicates(write: Write, ids: str, cause: str) -> None:
-    names = [ids] if ids != "abcde" else list(ids)
-    rows = [f"{name},0,{k}" for name in names for k in range(3)]
-    path = write("a.csv", "\n".join(["id,t,x", *rows]))
-    reading = read(path, ReadOptions(on_duplicate="first"))
-    (warning,) = reading.warnings
-    assert warning.code == "duplicates"
-    assert f"{2 * len(names)} of {3 * len(names)} rows repeat an (id, t)" in warning.text
-    assert warning.remedy.startswith(cause)
-    (message,) = refusal(path)
-    assert (cause in message) == (ids != "abcde")
-
-
-def test_detections_of_one_row_a_frame(write: Write) -> None:
-    path = write("a.csv", "id,t,x\n-1,0,1\n-1,1,2\n")
-    assert refusal(path) == [
-        f"{path}: every id is -1: these are detections, and TGOSPA compares tracks; give a single "
-        "track another id"
-    ]
-    assert len(read(path, ReadOptions(on_duplicate="first")).trajectories.step) == 2
-    assert rows_of(read_trajectories(write("b.csv", "id,t,x\n-1,0,1\n"))) == {("-1", 0): (1.0,)}
-
-
 def test_half_of_the_rows_are_duplicates(write: Write) -> None:
     path = write("a.csv", "id,t,x\na,0,1\na,0,2\nb,0,3\nb,0,4\n")
     assert not read(path, ReadOptions(on_duplicate="last")).warnings
@@ -677,42 +424,6 @@ def test_half_of_the_rows_are_duplicates(write: Write) -> None:
 def test_an_absent_row_is_no_duplicate(write: Write) -> None:
     path = write("a.csv", "id,t,x\na,1,\na,1,2\n")
     assert rows_of(read_trajectories(path)) == {("a", 1): (2.0,)}
-
-
-def test_columns_map_headers(write: Write) -> None:
-    path = write("a.csv", "trk,time_s,px,py,x,id\na,1,2,3,4,5\n")
-    mapping = ("id=trk", "t=time_s", "x=px", "y=py")
-    assert rows_of(read_trajectories(path, columns=mapping)) == {("a", 1): (2.0, 3.0)}
-    reading = read(path, ReadOptions(columns=("id=trk", "t=time_s", "x=px")))
-    assert rows_of(reading.trajectories) == {("a", 1): (2.0,)}
-    assert reading.trajectories.columns == ("x",)
-    assert "columns not used: py, x, id" in reading.notices
-    # The order on the command line is the order of the state.
-    trajectories = read_trajectories(path, columns=("py", "px", "id=trk", "t=time_s"))
-    assert trajectories.columns == ("py", "px")
-    assert rows_of(trajectories) == {("a", 1): (3.0, 2.0)}
-
-
-def test_mapping_of_ids_alone_leaves_the_default_state(write: Write) -> None:
-    path = write("a.csv", "trk,t,x,y\na,1,2,3\n")
-    assert read_trajectories(path, columns=("id=trk",)).columns == ("x", "y")
-
-
-def test_unused_columns_are_one_notice_and_not_read(write: Write) -> None:
-    path = write("a.csv", "id,t,x,class,vx\na,1,2,car,oops\n")
-    assert read(path).notices == ("columns not used: class, vx",)
-
-
-@pytest.mark.parametrize("columns", [("x", "x"), ("=",), ("x=",), ("",), ("id=a", "id=b")])
-def test_columns_that_mean_nothing(write: Write, columns: tuple[str, ...]) -> None:
-    with pytest.raises(ConfigError, match="columns"):
-        read_trajectories(write("a.csv", PLAIN), columns=columns)
-
-
-@pytest.mark.parametrize("option", [{"decimal": ";"}, {"on_duplicate": "both"}])
-def test_options_that_mean_nothing(option: dict[str, str]) -> None:
-    with pytest.raises(ConfigError, match=next(iter(option.values()))):
-        ReadOptions(**option)
 
 
 # --- what is refused ------------------------------------------------------------------------------
@@ -835,20 +546,6 @@ def test_decimal_point_under_decimal_comma(write: Write) -> None:
     assert message.startswith(f'{path}, line 3, column "x": ')
     assert '"2.5"' in message
     assert "(decimal)" in message
-
-
-def test_mapped_header_that_is_not_there(write: Write) -> None:
-    (message,) = refusal(write("a.csv", PLAIN), columns=("id=trk", "x"))
-    for part in (", line 1: ", "trk", "id, t, x, y", "columns=('id="):
-        assert part in message
-
-
-def test_no_such_file_and_folder(tmp_path: Path) -> None:
-    path = str(tmp_path / "none.csv")
-    assert refusal(path) == [f"{path}: no such file"]
-    (message,) = refusal(str(tmp_path))
-    assert message.startswith(f"{tmp_path}: ")
-    assert "folder" in message
 
 
 # --- any table comes back as it was written -------------------------------------------------------

@@ -85,14 +85,6 @@ def test_plain_rows_are_scanned() -> None:
 
 
 @compiled
-def test_columns_in_any_order_are_scanned() -> None:
-    found = fields("2;9;1;1,5;a\n4,5;9;1;3;b", "y;v;t;x;id", decimal=",")
-    assert isinstance(found, lines.Fields)
-    assert found.values.tolist() == [[1.5, 2.0], [3.0, 4.5]]
-    assert list(found.coded[4]) == ["a", "b"]
-
-
-@compiled
 @pytest.mark.parametrize(
     "rows",
     ["", "\n", "a,1,2\n", "a,1,2,3,4\n", "a,1,2,3\n\nb,1,2,3\n", "a,1,2,x\n", "a,1,2,1e\n",
@@ -118,14 +110,6 @@ def test_a_delimiter_at_the_end_of_a_line_without_a_header_is_none(
 @compiled
 def test_a_decimal_comma_between_commas_is_none() -> None:
     assert fields("a,1,2,3\n", decimal=",") is None
-
-
-@compiled
-def test_quotes_around_fields_returns_and_other_letters_are_plain() -> None:
-    found = fields('"ä, b",1,"2.5",""\r\n,2,3,4\r\n')
-    assert isinstance(found, lines.Fields)
-    assert list(found.coded[0]) == ["ä, b", ""]
-    assert repr(found.values.tolist()) == "[[2.5, nan], [3.0, 4.0]]"
 
 
 @compiled

@@ -1,7 +1,7 @@
 """A side in parts has the rows that one file would have."""
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,8 @@ from tgospa_eval import Trajectories
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.loading import ZSTD
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.tasks import Task, run_tasks
+from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.tracks.conversion import Conversion
-from tgospa_eval.tracks.coverage import digest, digest_of_sums, row_sums
 
 IDS: dict[str, Callable[[int], object]] = {
     "integer": lambda k: (10 * k) % 17 - 3,
@@ -71,10 +70,6 @@ def check_blocks(side: PartsSide, whole: Trajectories, cuts: Sequence[int] = (0,
         if whole.labels is not None:
             vars(part)["labels"] = whole.labels[first:last]
         check_same(side.read(side.times[first], side.times[last - 1]).trajectories, part)
-
-
-def combined_digest(side: PartsSide, blocks: Sequence[Trajectories]) -> str:
-    return digest_of_sums(side.columns, [row_sums(block) for block in blocks])
 
 
 def sorted_by_time(frame: pd.DataFrame) -> list[pd.DataFrame]:
@@ -187,23 +182,6 @@ def test_options(tmp_path: Path, options: dict[str, Any], ending: str) -> None:
     assert [*side.said(left_out)] == said
 
 
-def test_digests_do_not_depend_on_parts(tmp_path: Path) -> None:
-    frame = scene()
-    digests = set()
-    for number, layout in enumerate(LAYOUTS):
-        (tmp_path / str(number)).mkdir()
-        parts, whole = written(tmp_path / str(number), layout(frame))
-        side = opened(parts, tmp_path / "work")
-        blocks = [side.read(a, b).trajectories for a, b in ((0, 2), (3, 3), (4, 11))]
-        assert combined_digest(side, blocks[::-1]) == digest(whole)
-        digests.add(combined_digest(side, blocks))
-    frame.loc[7, "x"] += 1e-9
-    (tmp_path / "other").mkdir()
-    parts, whole = written(tmp_path / "other", [frame])
-    digests.add(combined_digest(opened(parts, tmp_path / "work"), [whole]))
-    assert len(digests) == 2
-
-
 def test_keys_of_folders_are_columns_if_needed(tmp_path: Path) -> None:
     frame = scene(ids="text")
     frame = frame[frame["id"] < "v2"]
@@ -233,35 +211,6 @@ def test_one_file_beyond_memory(tmp_path: Path, ending: str) -> None:
     runs = list((tmp_path / "work").glob("*/runs/*/*/time.npy"))
     assert len(runs) >= 5  # none of which has many rows
     assert max(len(np.load(run)) for run in runs) < 400
-
-
-def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
-    parts, whole = written(tmp_path, shuffled(scene()))
-    done: list[str] = []
-    most = [2]
-
-    def run(tasks: Mapping[str, Task]) -> None:
-        for output, task in tasks.items():
-            if not Path(output).exists():
-                if len(done) == most[0]:
-                    raise InterruptedError
-                task(output)
-                done.append(output)
-
-    def again() -> PartsSide:
-        return open_side(
-            parts, ReadOptions(), "truth", work=tmp_path / "work", rows_together=4, run=run
-        )
-
-    with pytest.raises(InterruptedError):
-        again()
-    most[0] = 100
-    check_blocks(again(), whole)
-    again()
-    assert len(done) == 3
-    (parts / "part-9.parquet").touch()  # which may be another
-    again()
-    assert len(done) == 6
 
 
 def many() -> pd.DataFrame:

@@ -9,7 +9,6 @@ from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.batch import MAX_SQUARES, RmsCurve, heat_of, on_one_axis
 from tgospa_eval.show.rendering import first_names, order_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
-from tgospa_eval.show.time_axis import nice
 
 
 def luminance(colour: str) -> float:
@@ -54,58 +53,6 @@ def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Jso
     )
 
 
-def test_parameters_that_differ_are_never_added_up() -> None:
-    first = rows({("s", "a"): 9.0, ("s", "b"): 16.0})
-    second = rows({("s", "a"): 40.0, ("s", "b"): 30.0}).assign(order=1.0)
-    lost = rows({("t", "b"): None})
-    made = heat_of(
-        pd.concat([first, second, lost], ignore_index=True),
-        ("down", "across"), ["a", "b"], lambda _: "", ("order",),
-    )  # fmt: skip
-    assert made["rows"] == ["s order=1", "s order=2", "t order=-"]
-    values = [
-        [cell and cell["value"] and cell["value"].upper for cell in row] for row in made["cells"]
-    ]
-    assert values == [[40, 30], [3, 4], [None, None]]
-    # The largest value of each set of parameters is the darkest.
-    assert [[cell and cell["level"] for cell in row] for row in made["cells"][:2]] == [
-        [8, 0],
-        [0, 8],
-    ]
-    assert made["scales"] == 2
-
-
-def test_cells_have_brackets_shades_and_links() -> None:
-    made = heat({("s2", "a"): 9.0, ("s2", "b"): 16.0, ("s10", "a"): None, ("s10", "b"): 1.0})
-    assert made["rows"] == ["s2", "s10"]
-    assert made["ends"] == (1.0, 4.0)
-    (first, second), (failed, third) = made["cells"]
-    assert first is not None
-    assert second is not None
-    assert third is not None
-    assert failed is not None
-    assert (first["best"], second["best"], third["best"]) == (True, False, True)
-    assert (first["level"], second["level"], third["level"]) == (6, 8, 0)
-    assert first["link"] == "s2"
-    assert (failed["value"], failed["failed"]) == (None, 1)
-    assert first["text"] == "3.000"
-    # Brackets that overlap prove nothing of their order.
-    wide = heat({("s", "a"): 9.0, ("s", "b"): 16.0}, width=8.0)["cells"][0]
-    assert [cell["best"] for cell in wide if cell] == [False, False]
-    assert wide[1] is not None
-    assert wide[1]["text"] == "2.828 to 4.000"
-
-
-def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
-    both = pd.concat([rows({("s", "a"): 1.0}), rows({("s", "a"): 7.0, ("t", "b"): None})])
-    made = heat_of(both, ("down", "across"), ["a", "b"], lambda _: "x")
-    cell = made["cells"][0][0]
-    assert cell is not None
-    assert cell["value"].upper == pytest.approx(2.0)  # (8 / 2)^(1/2)
-    assert (cell["jobs"], cell["link"]) == (2, "")
-    assert made["cells"][0][1] is None
-
-
 def test_of_many_rows_those_that_lose_most_are_shown() -> None:
     values: dict[tuple[str, str], float | None] = {
         (f"{k}", "a"): float(k) for k in range(MAX_SQUARES + 200)
@@ -118,12 +65,6 @@ def test_of_many_rows_those_that_lose_most_are_shown() -> None:
     assert made["rows"][1] == "201"
     assert made["ends"] is not None
     assert made["ends"][0] == pytest.approx(201**0.5)
-
-
-def test_axes_have_round_numbers() -> None:
-    assert nice(0, 9.3, 5) == [0, 2, 4, 6, 8]
-    assert nice(3, 59, 5) == [20, 40]
-    assert nice(1, 1, 5) == [1]
 
 
 def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:

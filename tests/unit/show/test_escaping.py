@@ -54,3 +54,16 @@ def test_csv_cells_are_no_formulas_and_can_be_had_back() -> None:
     assert cells[:7] == [f"'{text}" for text in texts[:7]]
     assert cells[7:] == texts[7:]
     assert [escape.csv_cell(value) for value in (-1, -1.5, None)] == [-1, -1.5, None]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("γ_1", r"\ensuremath{\gamma}\_1"),
+        ("Σ α", r"\ensuremath{\Sigma} \ensuremath{\alpha}"),
+        ("Αο", "Ao"),
+        ("ς λ", r"\ensuremath{\varsigma} \ensuremath{\lambda}"),
+    ],
+)
+def test_greek_letters_of_latex_have_their_names(text: str, words: str) -> None:
+    assert escape.latex(text) == words

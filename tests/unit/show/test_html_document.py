@@ -13,7 +13,7 @@ from pages import embedded, unpacked
 from tgospa_eval import Result, evaluate
 from tgospa_eval.show import plot_data
 from tgospa_eval.show.html import packed, page
-from tgospa_eval.show.plot_data import NONE, curves
+from tgospa_eval.show.plot_data import NONE
 
 
 def swap() -> Result:
@@ -32,36 +32,6 @@ def swap() -> Result:
 
 
 # --- data -----------------------------------------------------------------------------------------
-
-
-def test_costs_and_tracks_are_those_of_the_result() -> None:
-    result = swap()
-    data = plot_data.plot_data(result).document
-    assert data["times"] == [0, 1, 2, 3]
-    for name, costs in data["costs"].items():
-        assert costs == pytest.approx(result.table("per_step")[name])
-    assert data["costs"]["switch"] == [0, 0, 2, 0]
-    assert data["counts"]["missed"] == [0, 0, 0, 1]
-    assert data["counts"]["false"] == [0, 1, 0, 0]
-    assert data["tracks"]["truth"]["unassigned"] == [1, 0]
-    assert data["tracks"]["estimate"]["total"] == pytest.approx([2, 1.5, 1])
-    assert data["switches"]["step"] == [2, 2]
-    assert data["switches"]["from"] == [0, 1]
-    assert data["switches"]["to"] == [1, 0]
-
-
-def test_lanes_are_runs_of_one_assignment() -> None:
-    arrays = plot_data.plot_data(swap()).arrays
-    runs = [arrays[f"truth/run/{name}"].tolist() for name in ("track", "begin", "end", "other")]
-    assert list(zip(*runs, strict=True)) == [
-        (0, 0, 1, 0),
-        (0, 2, 2, 1),
-        (0, 3, 3, NONE),
-        (1, 0, 1, 1),
-        (1, 2, 3, 0),
-    ]
-    runs = [arrays[f"estimate/run/{name}"].tolist() for name in ("track", "begin", "end", "other")]
-    assert (2, 1, 1, NONE) in list(zip(*runs, strict=True))
 
 
 def test_a_hole_in_a_trajectory_ends_a_run() -> None:
@@ -124,14 +94,6 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
         ):
             needed = range(begin, end + 1) if other == NONE else (begin, end)
             assert all((track, step) in kept for step in needed)
-
-
-def test_the_curve_ends_at_the_value_per_step() -> None:
-    result = swap()
-    found = curves(result)
-    # cost by step: 0.5, 0.5 + 1, 0.5 + 2, 1
-    assert found["total"] == pytest.approx([0.5, 2 / 2, 4.5 / 3, 5.5 / 4])
-    assert found["total"][-1] == pytest.approx(result.normalised["tgospa"])
 
 
 def test_marks_of_direction_end_with_the_path_in_the_title() -> None:

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from tgospa_eval import ConfigError, Result, Trajectories, evaluate, plots
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common.words import install
-from tgospa_eval.show import plane, plot_data
+from tgospa_eval.show import figure_tools, plane, plot_data
 from tgospa_eval.show import style as palette
 from tgospa_eval.show.charts import Pictures
 from tgospa_eval.show.figure_tools import literal, power, written
@@ -507,25 +507,12 @@ def stamped(times: list) -> Result:
         lambda: evaluate(np.zeros((3, 1, 2)), np.zeros((3, 0, 2))),
         lambda: evaluate(np.zeros((3, 0, 2)), np.zeros((3, 1, 2))),
         lambda: evaluate(np.zeros((1, 1, 2)), np.ones((1, 1, 2))),
-        lambda: evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2))),
         lambda: evaluate(np.zeros((3, 1, 1)), np.ones((3, 1, 1))),
         lambda: evaluate(np.full((3, 1, 2), 50.0), np.full((3, 1, 2), 50.0), distance="haversine"),
         lambda: evaluate(np.full((3, 1, 2), 1e300), np.full((3, 1, 2), 1e300)),
-        lambda: stamped([1_700_000_000_000_000_000 + 40 * k for k in range(30)]),
         lambda: stamped([f"2026-03-01T12:00:{k:02d}.5" for k in range(40)]),
     ],
-    ids=[
-        "empty",
-        "no-estimate",
-        "no-truth",
-        "one-step",
-        "equal",
-        "1-D",
-        "globe",
-        "huge",
-        "ns",
-        "ISO",
-    ],
+    ids=["empty", "no-estimate", "no-truth", "one-step", "1-D", "globe", "huge", "ISO"],
 )
 def test_there_is_always_a_picture(make: Callable[[], Result]) -> None:
     assert len(result_pictures(make(), Pictures(style="paper"))) == 5
@@ -669,6 +656,7 @@ def test_folder(draw: Draw, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     answer = draw("-o", "a")
     assert (answer.status, "plot" in answer.err, "drawing" in answer.err) == (0, False, False)
     assert kinds(tmp_path / "a") == [".png"] * 5
+    monkeypatch.setattr(figure_tools, "written", lambda *_: b"")  # which takes most of the time
     answer = draw(
         "-o", "b", "--pictures", "pdf", "--style", "paper", "--components", "missed,switch",
         "--plane", "t,x",

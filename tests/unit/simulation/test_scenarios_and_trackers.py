@@ -326,17 +326,6 @@ def test_the_same_seed_makes_the_same_bytes(invoke, tmp_path: Path, format_: str
     assert all(first[name] != other[name] for name in first)
 
 
-def test_the_printed_command_works(invoke, tmp_path: Path) -> None:
-    status, out, err = invoke("simulate", "new folder/a", "--scenario", "births")
-    assert (status, err) == (0, "")
-    made, command = out.splitlines()
-    assert made.startswith("new folder/a: births, 60 steps; 5 truths with ")
-    assert command.startswith("tgospa-eval 'new folder/a/truth.csv' ")
-    answer = invoke(*shlex.split(command)[1:], "--format", "json")
-    assert answer.status == 0
-    assert '"certified": true' in answer.out
-
-
 def test_a_folder_that_is_not_empty(invoke, write, tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     write("a/note.txt", "mine")
