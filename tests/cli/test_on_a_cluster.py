@@ -155,8 +155,8 @@ def test_a_cluster_without_workers_is_waited_for(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(files, "announce", told.append)
     monkeypatch.setattr(engines, "POLL", -1.0)
     pool = engines.Remote("tcp://host:1", Client())
-    pool.look()
-    pool.look()
+    pool.poll()
+    pool.poll()
     assert told == ["waiting for workers of tcp://host:1"]
     assert pool.workers() == 4
 
@@ -173,7 +173,7 @@ def test_wrong_use(invoke: Invoke, runs: None) -> None:
 
 # --- data in parts --------------------------------------------------------------------------------
 
-OPTIONS = ("truth", "estimate", "-c", "50", "-g", "25", "--memory", "200MB", "-q")
+OPTIONS = ("truth", "estimate", "-c", "50", "-g", "25", "--memory", "400MB", "-q")
 
 
 def write_parts(folder: Path) -> None:
