@@ -345,6 +345,11 @@ class PersistentPool:
     ) -> None:
         self._stack.__exit__(kind, error, trace)
 
+    def close(self) -> None:
+        """End the workers."""
+        self._stack.close()
+        self._pool = None
+
     @contextmanager
     def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
         """Yield the pool that is there."""

@@ -624,10 +624,10 @@ def test_a_component_that_does_not_fit_is_refused_with_the_memory_that_it_takes(
     asked = (*folders, *METRIC, "-o", str(tmp_path / "out"), "-q")
     answer = invoke(*asked, "--memory", "400MB")
     assert answer.status == 2
-    proposed = re.search(r"allow (--memory \S+) with (--jobs 1), ", answer.err)
+    proposed = re.search(r"allow (--memory \S+), choose", answer.err)
     assert proposed
     assert "\n" not in answer.err.strip()
-    again = invoke(*asked, *" ".join(proposed.groups()).split())
+    again = invoke(*asked, *proposed[1].split(), "--jobs", "3")  # of which one has to do
     assert again.status == 0, again.err
 
 
@@ -674,6 +674,8 @@ def test_shares_add_up_to_the_limit(format: str, drawn: bool) -> None:
         taken = memory.base("main", [format]) + helpers + share.jobs * (others + share.data)
         assert limit - share.jobs < taken <= limit
         jobs.append(share.jobs)
+        assert share.fits_component(share.entries, masked=True)
+        assert share.fits_component(share.alone // 300, masked=False) == (share.jobs == 1)
     assert jobs == sorted(jobs)
     assert {jobs[0], jobs[-1]} == {1, 4}
 

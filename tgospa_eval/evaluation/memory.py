@@ -71,13 +71,16 @@ class Share:
         Number of processes; 1 is the process that starts the work.
     data : int
         Bytes of data of each.
+    alone : int
+        Bytes of data of one process where there are no others.
     fixed : int
-        Bytes that one process alone takes beside its data.
+        Bytes that it takes beside its data.
     """
 
     jobs: int
     data: int
-    fixed: int = 0
+    alone: int
+    fixed: int
 
     @classmethod
     def of(
@@ -107,14 +110,14 @@ class Share:
         for count in range(jobs, 1, -1):
             share = (limit - main - HELPERS) // count - base("worker", formats)
             if share >= GOOD_SHARE and limit >= report:
-                return cls(jobs=count, data=share, fixed=main)
+                return cls(jobs=count, data=share, alone=limit - main, fixed=main)
         least = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
         if limit < least:
             raise MemoryTooSmallError(
                 f"data in parts take {size_text(least)} at least: allow "
                 f"{option('memory', size_text(least))}"
             )
-        return cls(jobs=1, data=limit - main, fixed=main)
+        return cls(jobs=1, data=limit - main, alone=limit - main, fixed=main)
 
     @property
     def rows(self) -> int:
@@ -126,8 +129,8 @@ class Share:
         """Entries of a shard of many components."""
         return max(min(SHARD_ENTRIES, self.data // BYTES_OF_SHARD), 1)
 
-    def check_component(self, entries: int, *, masked: bool) -> None:
-        """Refuse components that a process cannot hold.
+    def fits_component(self, entries: int, *, masked: bool) -> bool:
+        """Return whether each process can hold the largest component.
 
         Parameters
         ----------
@@ -139,17 +142,19 @@ class Share:
         Raises
         ------
         MemoryTooSmallError
-            One needs more; the message says how much.
+            Not even one process alone can; the message says what it needs.
         """
         needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
-        if entries > self.entries and needed > self.data:
+        if entries <= self.entries or needed <= self.data:
+            return True
+        if needed > self.alone:
             size = size_text(needed + self.fixed)
             raise MemoryTooSmallError(
                 f"objects near one another make a component of {entries:,} near pairs, which is "
-                f"solved at once in {size}: allow {option('memory', size)} with "
-                f"{option('jobs', 1)}, choose a smaller cutoff, or evaluate parts of the "
-                f"recording, by {option('time')}"
+                f"solved at once in {size}: allow {option('memory', size)}, choose "
+                f"a smaller cutoff, or evaluate parts of the recording, by {option('time')}"
             )
+        return False
 
 
 def base(stage: str, formats: Sequence[str]) -> int:

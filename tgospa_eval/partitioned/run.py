@@ -225,6 +225,12 @@ class Stages:
         self._show()
         run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
+    def work_alone(self) -> None:
+        """End the workers: from now on this process has all the memory, and does all the work."""
+        if self.engine is not None:
+            self.engine.close()
+            self.engine = None
+
     def end(self) -> None:
         """All stages are done."""
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
@@ -494,7 +500,8 @@ def evaluate_parts(
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         of_truth, entries, found = make_shards(blocks, truths, estimates, share.entries)
         largest = int(entries.max(initial=0))
-        share.check_component(largest, masked=cut.request.ignoring is not None)
+        if not share.fits_component(largest, masked=cut.request.ignoring is not None):
+            stages.work_alone()
         folders = _shuffle(work, blocks, (truths, estimates), of_truth, len(entries), stages)
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
