@@ -58,7 +58,7 @@ class MemoryTooSmallError(ConfigError):
 
     @property
     def reason(self) -> str:
-        """What takes how much, without what to do."""
+        """The first part of the message, without the advice."""
         return str(self).partition("; ")[0]
 
 

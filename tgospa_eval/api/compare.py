@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import OF_EVALUATE, Request
-from tgospa_eval.api.reading import called
+from tgospa_eval.api.reading import display_names
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.campaign import ranking, solver_runs
@@ -402,7 +402,7 @@ class PairReader:
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
     ) -> PreparedPair:
         """Return the problem of two sides; notices about both bear the name, if it is given."""
-        of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
+        of_file = tuple(f"{path}: " for path in display_names((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
             is_default = notice.text.startswith("default ") and (
@@ -474,7 +474,7 @@ def ranked(
     ):
         if done and stopwatch.progress.stop.is_set():
             break
-        (path,) = called([estimate], [name])
+        (path,) = display_names([estimate], [name])
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             result = solve(prepared, solver, stopwatch)
@@ -487,7 +487,7 @@ def ranked(
     whole = len(outcomes[names[-1]]) if names[-1] in outcomes else 1
     entrants = {name: own[:whole] for name, own in outcomes.items()}
     metrics = {name: joined(own[:whole]) for name, own in computed.items()}
-    truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
+    truths = display_names([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = dict(result.settings)
     return ranking.ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
 

@@ -12,7 +12,7 @@ from tgospa_eval.api.batch_row import PATIENCE
 from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import OF_EVALUATE, Request
-from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.reading import align_sides, display_names, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result
@@ -264,7 +264,7 @@ def _chunk(
     for run, pair in zip(runs, pairs, strict=True):
         with _of_run(run):
             sides = read_pair(resolved, *pair, mapping=mapping, advise=False)
-            read.append((pair, sides, *align_sides(resolved, sides, called(pair))))
+            read.append((pair, sides, *align_sides(resolved, sides, display_names(pair))))
     small = [
         k
         for k, (_, _, aligned, request_of_pair) in enumerate(read)

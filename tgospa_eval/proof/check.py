@@ -18,14 +18,14 @@ class Claim:
     ----------
     folder : str
         Where it is.
-    holds : bool
+    proven : bool
         Whether it proves what it claims.
     text : str
         The bounds that were found, or what is wrong.
     """
 
     folder: str
-    holds: bool
+    proven: bool
     text: str
 
     def __str__(self) -> str:
@@ -45,12 +45,12 @@ class Verification:
     claims: tuple[Claim, ...]
 
     @property
-    def holds(self) -> bool:
+    def proven(self) -> bool:
         """True if all claims hold."""
-        return all(claim.holds for claim in self.claims)
+        return all(claim.proven for claim in self.claims)
 
     def __bool__(self) -> bool:
-        return self.holds
+        return self.proven
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.claims))
@@ -118,9 +118,9 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
         A file is missing or damaged.
     """
     try:
-        return Claim(folder=folder, holds=True, text=f"{verify_tgospa.verify(files)}{more()}")
+        return Claim(folder=folder, proven=True, text=f"{verify_tgospa.verify(files)}{more()}")
     except verify_tgospa.Wrong as error:
-        return Claim(folder=folder, holds=False, text=visible(str(error)))
+        return Claim(folder=folder, proven=False, text=visible(str(error)))
     except verify_tgospa.DAMAGED as error:
         if isinstance(error, (ConfigError, InputError, MemoryError)):
             raise
@@ -149,7 +149,7 @@ def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
             needed.update(document.get("classes", ()))
     for name in sorted(needed - there):
         text = f"there is no proof of the class {name!r}"
-        yield Claim(folder=folder, holds=False, text=text)
+        yield Claim(folder=folder, proven=False, text=text)
 
 
 def _has_proof(path: str) -> bool:
