@@ -179,14 +179,14 @@ Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compared(StudyReport):
-    """Result of `compare`; printed it is the table of the command.
+    """Result of `compare`; it prints as the table of the command.
 
     Parameters
     ----------
     document : dict
         The document of ``--format json``.
     entrants : mapping of str to sequence of RunOutcome
-        What was ranked, with the costs of the steps; none of solvers.
+        The ranked estimates with their costs per step; empty for solvers.
     """
 
     document: Json
@@ -266,7 +266,7 @@ def compare(
     mapping: "Components | None" = None,
     **options: "Unpack[CompareOptions]",
 ) -> Compared:
-    """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
+    """Rank several estimates of one truth in proven order, or compare solvers on one estimate.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def evaluate(
     Warns
     -----
     TgospaWarning
-        Something looks wrong with the data: see `Result.warnings`.
+        Data look wrong: see `Result.warnings`.
 
     Raises
     ------

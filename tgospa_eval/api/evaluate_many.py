@@ -52,9 +52,9 @@ SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_st
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluations:
-    """Numbers of many pairs; the `Result` of a pair is made when it is asked for, by ``[run]``.
+    """Numbers of many pairs; ``[run]`` makes the `Result` of one pair.
 
-    The sides are kept as they were given, and read again for that.
+    For that, the sides are kept as they were given, and read again.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Evaluations:
     rows : tuple of dict
         Numbers of each, by column.
     warnings : tuple of Notice
-        What looks wrong, each text once, with the runs that it is said of.
+        Warnings, each text once, with the runs that it is about.
     pairs : tuple of pairs
         Truth and estimate of each, as they were given.
     resolved, mapping : ResolvedRequest, sequence

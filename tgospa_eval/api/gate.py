@@ -480,14 +480,14 @@ INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBE
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GateResult:
-    """Result of `gate`; true if it passed, printed it is the table of the command.
+    """Result of `gate`; true if it passed. It prints as the table of the command.
 
     Parameters
     ----------
     report : Report
         Verdict, findings and notes.
     result : Result, optional
-        The evaluation that was judged; of a suite there are many, and none is kept.
+        The evaluation that was judged; None for a suite.
     """
 
     report: Report

@@ -118,8 +118,8 @@ def command(
 
     proofs = check_folders(folder, judge)
     for claim in proofs.claims:
-        (emit if claim.proven else print_notice)(f"{claim}\n" if claim.proven else str(claim))
-    ctx.exit(ExitStatus.DONE if proofs.proven else ExitStatus.NOT_PROVEN)
+        (emit if claim.holds else print_notice)(f"{claim}\n" if claim.holds else str(claim))
+    ctx.exit(ExitStatus.DONE if proofs.holds else ExitStatus.NOT_PROVEN)
 
 
 def _check_tables(

@@ -18,14 +18,14 @@ class Claim:
     ----------
     folder : str
         Where it is.
-    proven : bool
+    holds : bool
         Whether it proves what it claims.
     text : str
         The bounds that were found, or what is wrong.
     """
 
     folder: str
-    proven: bool
+    holds: bool
     text: str
 
     def __str__(self) -> str:
@@ -39,18 +39,18 @@ class Verification:
     Parameters
     ----------
     claims : tuple of Claim
-        One, or one for each class.
+        One claim, or one for each class.
     """
 
     claims: tuple[Claim, ...]
 
     @property
-    def proven(self) -> bool:
+    def holds(self) -> bool:
         """True if all claims hold."""
-        return all(claim.proven for claim in self.claims)
+        return all(claim.holds for claim in self.claims)
 
     def __bool__(self) -> bool:
-        return self.proven
+        return self.holds
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.claims))
@@ -59,9 +59,9 @@ class Verification:
 def verify(folder: "str | os.PathLike[str]") -> Verification:
     """Check the proof in a folder, or one for each class.
 
-    Both bounds are computed again, in exact integers, by a program of one file that shares nothing
-    with the solver: as the command ``tgospa-eval verify``, which also checks that the tables follow
-    from files.
+    A program of one file, which shares no code with the solver, computes both bounds again in exact
+    integers. The command ``tgospa-eval verify`` does the same, and also checks that the tables
+    follow from files.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
     Returns
     -------
     Verification
-        The claims; it is true where all hold.
+        The claims; true if all of them hold.
 
     Raises
     ------
@@ -118,9 +118,9 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
         A file is missing or damaged.
     """
     try:
-        return Claim(folder=folder, proven=True, text=f"{verify_tgospa.verify(files)}{more()}")
+        return Claim(folder=folder, holds=True, text=f"{verify_tgospa.verify(files)}{more()}")
     except verify_tgospa.Wrong as error:
-        return Claim(folder=folder, proven=False, text=visible(str(error)))
+        return Claim(folder=folder, holds=False, text=visible(str(error)))
     except verify_tgospa.DAMAGED as error:
         if isinstance(error, (ConfigError, InputError, MemoryError)):
             raise
@@ -149,7 +149,7 @@ def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
             needed.update(document.get("classes", ()))
     for name in sorted(needed - there):
         text = f"there is no proof of the class {name!r}"
-        yield Claim(folder=folder, proven=False, text=text)
+        yield Claim(folder=folder, holds=False, text=text)
 
 
 def _has_proof(path: str) -> bool:
