@@ -30,7 +30,7 @@ class ExitStatus(IntEnum):
 
 
 class TgospaError(Exception):
-    """Base of everything that this package raises on purpose.
+    """Base class of the errors of this package.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class MemoryTooSmallError(ConfigError):
 
     @property
     def reason(self) -> str:
-        """What takes how much, without what to do."""
+        """The first part of the message, without the advice."""
         return str(self).partition("; ")[0]
 
 
@@ -122,7 +122,7 @@ def check_size(what: str, count: int) -> None:
 
 
 class TgospaWarning(UserWarning):
-    """Something looks wrong, and no number says so: see `Result.warnings`."""
+    """Warning about data that look wrong: see `Result.warnings`."""
 
 
 class SolverError(TgospaError, RuntimeError):

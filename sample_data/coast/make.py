@@ -48,7 +48,7 @@ def on_earth(places):
 
 
 def write(name, header, rows, delimiter=","):
-    """A table."""
+    """Write a table."""
     with (FOLDER / name).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, delimiter=delimiter, lineterminator="\n")
         writer.writerow(header)

@@ -60,7 +60,7 @@ def main(folder: Path) -> None:
 
 
 def rows(side) -> Iterator[Row]:
-    """The rows of trajectories."""
+    """Yield the rows of trajectories."""
     for step, track, (x, y) in zip(side.step, side.track, side.state, strict=True):
         number = int(side.ids[track])
         known = 0 <= number % 100 - 1 < len(CLASSES) and number < 200
@@ -89,7 +89,7 @@ def ais(truth: list[Row]) -> Iterator[str]:
 
 
 def vessel_tracks(estimate: list[Row]) -> Iterator[str]:
-    """What a coastal radar makes of them."""
+    """Yield the lines of a coastal radar."""
     yield "track_id,time,latitude,longitude"
     for r in estimate:
         stamp = (START + timedelta(minutes=r.step)).strftime("%Y-%m-%d %H:%M:%S")
@@ -114,14 +114,14 @@ def adsb(truth: list[Row]) -> Iterator[str]:
 
 
 def aircraft_tracks(estimate: list[Row]) -> Iterator[str]:
-    """What a surveillance radar makes of them."""
+    """Yield the lines of a surveillance radar."""
     yield "track,time,lat,lon"
     for r in estimate:
         yield ",".join((f"R{r.number}", str(int(START.timestamp()) + 10 * r.step), *place(r, 500)))
 
 
 def structure(side: list[Row]) -> dict[str, np.ndarray]:
-    """A set of trajectories of the published MATLAB code: steps from 1 on, NaN in holes."""
+    """Return trajectories as in the published MATLAB code: steps from 1 on, NaN in holes."""
     numbers = sorted({r.number for r in side})
     state = np.zeros((2, SCENE.steps, len(numbers)))
     first, last = np.zeros((2, len(numbers), 1))
@@ -191,7 +191,7 @@ CATEGORIES = {
 
 
 def token(*parts: object) -> str:
-    """A token as those of nuScenes."""
+    """Return a token as those of nuScenes."""
     return hashlib.md5(" ".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
 
 
@@ -235,7 +235,7 @@ def nuscenes_tables(folder: Path, truth: list[Row]) -> None:
 
 
 def nuscenes_results(estimate: list[Row]) -> dict[str, object]:
-    """A submission to the tracking task; its samples are in no order."""
+    """Return a submission to the tracking task; its samples are in no order."""
     results: dict[str, list[object]] = {
         token("sample", step): [] for step in range(SCENE.steps, 0, -1)
     }
@@ -256,12 +256,12 @@ def nuscenes_results(estimate: list[Row]) -> dict[str, object]:
 
 
 def write_json(path: Path, document: object) -> None:
-    """A file of JSON."""
+    """Write a file of JSON."""
     write(path, [json.dumps(document, separators=(",", ":"))])
 
 
 def write(path: Path, lines) -> None:
-    """A file of text."""
+    """Write a file of text."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
 

@@ -51,7 +51,7 @@ def boxes(side: Trajectories) -> list[tuple[int, int, tuple[float, ...]]]:
 
 
 def class_of(name: str) -> int:
-    """Number of the class of an object."""
+    """Return the number of the class of an object."""
     return CATEGORIES.index(CLASSES[int(name) % len(CLASSES)])
 
 

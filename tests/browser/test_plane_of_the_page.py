@@ -333,7 +333,7 @@ def test_many_particles_are_thinned_by_weight_without_chance(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Each that is told stands for whole slots of the weight, and their mean stays."""
-    monkeypatch.setattr(spreads, "MOST", 50)
+    monkeypatch.setattr(spreads, "MAX_PARTICLES", 50)
     result = particles(1, 400, steps=1)
     held = result.plot_data.estimate.particles
     assert held["weight"].sum() == pytest.approx(1)

@@ -413,7 +413,7 @@ def test_which_folders_and_files_are_read_in_parts(
 def test_a_clock_that_is_ahead_is_seen_in_the_middle(
     invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tgospa_eval.partitioned.evaluate.LOOKED_AT", 400)
+    monkeypatch.setattr("tgospa_eval.partitioned.evaluate.DIAGNOSED_ROWS", 400)
     scene = Scene(targets=6, steps=120)
     truth, estimate = simulate(scene, Tracker(noise=0.5), np.random.default_rng(0))
     late = replace(estimate, times=estimate.times + 4)
@@ -668,14 +668,14 @@ def test_files_whose_near_pairs_take_more_are_read_in_parts(
 def test_shares_add_up_to_the_limit(format: str, drawn: bool) -> None:
     jobs = []
     for limit in range(250 * memory.MB, 4000 * memory.MB, 50 * memory.MB):
-        share = memory.Share.of(limit, 4, [format], drawn=drawn, cluster=False)
+        share = memory.Share.of(limit, 4, [format], pictures=drawn, cluster=False)
         others = 0 if share.jobs == 1 else memory.base("worker", [format])
         helpers = memory.HELPERS if share.jobs > 1 else 0
         taken = memory.base("main", [format]) + helpers + share.jobs * (others + share.data)
         assert limit - share.jobs < taken <= limit
         jobs.append(share.jobs)
         assert share.fits_component(share.entries, masked=True)
-        assert share.fits_component(share.alone // 300, masked=False) == (share.jobs == 1)
+        assert share.fits_component(share.single // 300, masked=False) == (share.jobs == 1)
     assert jobs == sorted(jobs)
     assert {jobs[0], jobs[-1]} == {1, 4}
 

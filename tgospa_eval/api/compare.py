@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import OF_EVALUATE, Request
-from tgospa_eval.api.reading import called
+from tgospa_eval.api.reading import display_names
 from tgospa_eval.api.report import StudyReport, Sweep, as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.campaign import ranking, solver_runs
@@ -179,14 +179,14 @@ Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compared(StudyReport):
-    """Result of `compare`; printed it is the table of the command.
+    """Result of `compare`; it prints as the table of the command.
 
     Parameters
     ----------
     document : dict
         The document of ``--format json``.
     entrants : mapping of str to sequence of RunOutcome
-        What was ranked, with the costs of the steps; none of solvers.
+        The ranked estimates with their costs per step; empty for solvers.
     """
 
     document: Json
@@ -266,7 +266,7 @@ def compare(
     mapping: "Components | None" = None,
     **options: "Unpack[CompareOptions]",
 ) -> Compared:
-    """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
+    """Rank several estimates of one truth in proven order, or compare solvers on one estimate.
 
     Parameters
     ----------
@@ -402,7 +402,7 @@ class PairReader:
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
     ) -> PreparedPair:
         """Return the problem of two sides; notices about both bear the name, if it is given."""
-        of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
+        of_file = tuple(f"{path}: " for path in display_names((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
             is_default = notice.text.startswith("default ") and (
@@ -474,7 +474,7 @@ def ranked(
     ):
         if done and stopwatch.progress.stop.is_set():
             break
-        (path,) = called([estimate], [name])
+        (path,) = display_names([estimate], [name])
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             result = solve(prepared, solver, stopwatch)
@@ -487,7 +487,7 @@ def ranked(
     whole = len(outcomes[names[-1]]) if names[-1] in outcomes else 1
     entrants = {name: own[:whole] for name, own in outcomes.items()}
     metrics = {name: joined(own[:whole]) for name, own in computed.items()}
-    truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
+    truths = display_names([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = dict(result.settings)
     return ranking.ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
 

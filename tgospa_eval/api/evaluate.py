@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 from tgospa_eval.api.in_parts import can_be_divided, in_parts_if_large
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import pair_notices
-from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.reading import align_sides, display_names, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
@@ -83,7 +83,7 @@ def evaluate(
     Warns
     -----
     TgospaWarning
-        Something looks wrong with the data: see `Result.warnings`.
+        Data look wrong: see `Result.warnings`.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def read_sides(
     given = (truth, estimate)
     with stopwatch.span("read"):
         sides = read_pair(resolved, *given, mapping=mapping, advise=notify is not None, known=known)
-    pair = noticed(given, sides, *align_sides(resolved, sides, called(given)))
+    pair = noticed(given, sides, *align_sides(resolved, sides, display_names(given)))
     for notice in pair.said if notify else ():
         notify(notice)  # type: ignore[misc]
     return pair
@@ -208,7 +208,7 @@ def noticed(
 
     `sound` says that nothing is wrong with their clocks and states.
     """
-    names = called(given)
+    names = display_names(given)
     notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
     paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
     return TrackPair(

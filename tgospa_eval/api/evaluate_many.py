@@ -12,7 +12,7 @@ from tgospa_eval.api.batch_row import PATIENCE
 from tgospa_eval.api.evaluate import TrackPair, evaluate_sides, noticed, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import OF_EVALUATE, Request
-from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.reading import align_sides, display_names, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result
@@ -52,9 +52,9 @@ SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_st
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluations:
-    """Numbers of many pairs; the `Result` of a pair is made when it is asked for, by ``[run]``.
+    """Numbers of many pairs; ``[run]`` makes the `Result` of one pair.
 
-    The sides are kept as they were given, and read again for that.
+    For that, the sides are kept as they were given, and read again.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Evaluations:
     rows : tuple of dict
         Numbers of each, by column.
     warnings : tuple of Notice
-        What looks wrong, each text once, with the runs that it is said of.
+        Warnings, each text once, with the runs that it is about.
     pairs : tuple of pairs
         Truth and estimate of each, as they were given.
     resolved, mapping : ResolvedRequest, sequence
@@ -264,7 +264,7 @@ def _chunk(
     for run, pair in zip(runs, pairs, strict=True):
         with _of_run(run):
             sides = read_pair(resolved, *pair, mapping=mapping, advise=False)
-            read.append((pair, sides, *align_sides(resolved, sides, called(pair))))
+            read.append((pair, sides, *align_sides(resolved, sides, display_names(pair))))
     small = [
         k
         for k, (_, _, aligned, request_of_pair) in enumerate(read)

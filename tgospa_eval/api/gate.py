@@ -480,14 +480,14 @@ INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBE
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GateResult:
-    """Result of `gate`; true if it passed, printed it is the table of the command.
+    """Result of `gate`; true if it passed. It prints as the table of the command.
 
     Parameters
     ----------
     report : Report
         Verdict, findings and notes.
     result : Result, optional
-        The evaluation that was judged; of a suite there are many, and none is kept.
+        The evaluation that was judged; None for a suite.
     """
 
     report: Report
@@ -645,7 +645,9 @@ def _gate_of_pair(
     old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
-    pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
+    pair = Job(
+        name=ONLY_PAIR, truth=_display_name(truth, "truth"), estimate=_display_name(estimate, "")
+    )
     judge.rules_of(judge_by, pair)  # wrong rules are errors before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
@@ -678,6 +680,6 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
     return GateResult(report=report)
 
 
-def _called(side: object, otherwise: str) -> str:
+def _display_name(side: object, otherwise: str) -> str:
     """Return the path of a file."""
     return os.fspath(side) if isinstance(side, (str, os.PathLike)) else otherwise

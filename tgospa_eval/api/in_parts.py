@@ -1,6 +1,6 @@
-"""Data in parts: which paths are such, what is not supported for them, and their evaluation.
+"""Data in parts: folders of tables, and files that do not fit into memory.
 
-Folders of tables are, and files that would take more than the memory.
+Finds out whether data are such, refuses options that need all data at once, and evaluates.
 """
 
 import csv
@@ -44,27 +44,29 @@ IN_PARTS = ("csv", "parquet")
 """Formats of files that can be read in parts."""
 
 TIP = 1 << 16
-"""Bytes at the begin and the end of a file that tell its header and times."""
+"""Bytes at the begin and the end of a file from which its header and times are read."""
 
 UNKNOWN_MEMORY = 2 * 10**9
-"""Bytes that are taken where the system does not say how much there is."""
+"""Bytes that an evaluation may take where the system does not say how much memory there is."""
 
 Moment: TypeAlias = tuple[str, float]
-"""A time and of which clock."""
+"""The clock of a time, and the time."""
 
 
-def memory_of(asked: int | None) -> int | None:
-    """Bytes that an evaluation may take; None where nobody knows."""
-    if asked is not None:
-        return asked
+def memory_of(limit: int | None) -> int | None:
+    """Return the bytes that an evaluation may take, or None if the system does not say."""
+    if limit is not None:
+        return limit
     whole = machine_memory()
     return None if whole is None else whole // 2
 
 
-def parts_in_words(paths: tuple[str, str], options: Request, *, drawn: bool = False) -> str | None:
-    """Why these two are read in parts, for messages; None if they are read at once.
+def parts_in_words(
+    paths: tuple[str, str], options: Request, *, pictures: bool = False
+) -> str | None:
+    """Return the reason for reading two sides in parts, or None if they are read at once.
 
-    `drawn` says that pictures are made.
+    `pictures` says that pictures are made.
 
     Raises
     ------
@@ -87,7 +89,7 @@ def parts_in_words(paths: tuple[str, str], options: Request, *, drawn: bool = Fa
     if not files or (small and options.memory is None):
         return None
     limit = memory_of(options.memory)
-    needed = bytes_in_memory(files, drawn=drawn)
+    needed = bytes_in_memory(files, pictures=pictures)
     if limit is None or needed <= limit:
         return None
     size, given = size_text(needed), option("memory", size_text(limit))
@@ -109,7 +111,7 @@ def can_be_divided(sides: tuple[object, object]) -> bool:
     )
 
 
-def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = ()) -> None:
+def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] = ()) -> None:
     """Refuse options that need all data in memory.
 
     Parameters
@@ -118,20 +120,20 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
         The options.
     why : str
         Why the data are read in parts.
-    others : iterable of pair of str
-        Further options that do, and what to do instead.
+    further : iterable of pair of str
+        Further options that need all data in memory, and what to do instead.
 
     Raises
     ------
     ConfigError
-        There is one.
+        Such an option is given.
     """
     requested = [
         (option(name), about.parts)
         for name, about in OPTION_SPECS.items()
         if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
-    requested += ((option(name), advice) for name, advice in others)
+    requested += ((option(name), advice) for name, advice in further)
     if is_coverage(options.region):
         requested.append((option("region"), "name ranges of columns, x=-50:50"))
     if options.distance is not None and "cloud" in as_distance(options.distance).kinds:
@@ -141,12 +143,12 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
                 f"compare means, by another {option('distance')}",
             )
         )
-    for asked, advice in requested[:1]:
-        raise ConfigError(f"{asked} is not supported for data in parts ({why}); {advice}")
+    for setting, advice in requested[:1]:
+        raise ConfigError(f"{setting} is not supported for data in parts ({why}); {advice}")
 
 
 def jobs_of(options: Request) -> int:
-    """Processes of this machine that share the memory."""
+    """Return the number of processes of this machine that share the memory."""
     return 1 if options.scheduler else options.jobs or cores()
 
 
@@ -158,7 +160,7 @@ def evaluate_in_parts(
     stopwatch: Stopwatch,
     *,
     kept: bool,
-    drawn: bool = False,
+    pictures: bool = False,
 ) -> "PartitionedResult":
     """Evaluate data in parts.
 
@@ -174,7 +176,7 @@ def evaluate_in_parts(
         Running clock.
     kept : bool
         Whether the folder outlives the run: only then is there a table of assigned pairs.
-    drawn : bool
+    pictures : bool
         Whether pictures are made of the result.
 
     Raises
@@ -191,7 +193,7 @@ def evaluate_in_parts(
         memory_of(options.memory) or UNKNOWN_MEMORY,
         jobs_of(options),
         [files_of(path)[0] for path in paths],
-        drawn=drawn,
+        pictures=pictures,
         cluster=cluster,
     )
     result = evaluate_partitioned(
@@ -216,9 +218,9 @@ def in_parts_if_large(
     stopwatch: Stopwatch,
     why: str | None = None,
 ) -> ResultInParts | None:
-    """The evaluation of folders of tables, and of files that would not fit; None of other sides.
+    """Evaluate folders of tables, and files that do not fit; return None for other sides.
 
-    The folder of its tables goes with the result. `why` says that files do not fit.
+    The folder of the tables is removed with the result. `why` says that files do not fit.
 
     Raises
     ------
@@ -244,9 +246,10 @@ def in_parts_if_large(
 
 
 def is_recording(folder: str, columns: str) -> bool:
-    """Whether the tables of a folder are one recording, and not one each.
+    """Return whether the tables of a folder are parts of one recording.
 
-    Parquet files are; CSV files if there are several with one header, one after the other in time.
+    Parquet files are. CSV files are if there are several, with the same header, one after the
+    other in time.
     """
     if is_table_folder(folder):
         return False
@@ -263,17 +266,17 @@ def is_recording(folder: str, columns: str) -> bool:
     )
 
 
-def _in_turn(files: Sequence[str], asked: Sequence[str]) -> bool:
-    """Whether CSV files have one header, and times of which each has its own stretch.
+def _in_turn(files: Sequence[str], time_headers: Sequence[str]) -> bool:
+    """Return whether CSV files have the same header, and ranges of time that do not overlap.
 
-    `asked` are headers of times.
+    `time_headers` are the headers that are requested for times.
     """
     headers, spans = set(), []
     if not all(map(os.path.isfile, files)):  # a named pipe would be waited for
         return False
     for path in files:
         try:
-            header, span = _header_and_span(path, asked)
+            header, span = _header_and_span(path, time_headers)
         except (OSError, ValueError, LookupError, InputError, csv.Error):
             return False
         headers.add(header)
@@ -283,9 +286,9 @@ def _in_turn(files: Sequence[str], asked: Sequence[str]) -> bool:
 
 
 def _header_and_span(
-    path: str, asked: Sequence[str]
+    path: str, time_headers: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[Moment, Moment] | None]:
-    """The header of a CSV file, and the times of its first and last row; None without rows.
+    """Return the header of a CSV file and the times of its first and last row, None without rows.
 
     Raises
     ------
@@ -302,7 +305,7 @@ def _header_and_span(
     delimiter = max(",;\t", key=rows[0].count)
     fields = list(csv.reader(rows, delimiter=delimiter))
     header = tuple(name.strip() for name in fields[0])
-    known = [header.index(name) for name in asked if name in header]
+    known = [header.index(name) for name in time_headers if name in header]
     at = known[0] if known else Headers(header, {}, "", path).find("t")
     if at is None:
         raise LookupError

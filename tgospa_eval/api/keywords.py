@@ -64,15 +64,15 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
         known = [p.name for p in (*own, *more)]
 
         @functools.wraps(function)
-        def called(*args: P.args, **kwargs: P.kwargs) -> T:
+        def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:
             check_names(function.__name__, kwargs, known)
             return function(*args, **kwargs)
 
-        described: Any = called
+        described: Any = wrapped
         described.__signature__ = signature.replace(parameters=[*own, *more])
-        if called.__doc__ is not None:  # with python -OO there are no docstrings
-            called.__doc__ = _documented(called.__doc__, [p.name for p in more])
-        return called
+        if wrapped.__doc__ is not None:  # with python -OO there are no docstrings
+            wrapped.__doc__ = _documented(wrapped.__doc__, [p.name for p in more])
+        return wrapped
 
     return wrap
 

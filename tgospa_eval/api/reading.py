@@ -197,7 +197,7 @@ def _fit(
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
 
 
-def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
+def display_names(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
     """Return the names of sides in messages: files by their paths, others by what they are."""
     return tuple(
         os.fsdecode(side) if objects.is_path(side) else role
@@ -244,7 +244,7 @@ def read_pair(
         No side has a class that was asked for, the filters leave no row of any, or are not for
         what a side is.
     """
-    names = called(given, names or roles)
+    names = display_names(given, names or roles)
     given = tuple(objects.with_plain_axes(*both) for both in zip(given, names, strict=True))
     if advise:
         check_places(names)

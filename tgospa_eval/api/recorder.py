@@ -33,9 +33,9 @@ PARTICLES = 3
 
 
 class Recorder:
-    """Keeps what a loop has at each frame, and evaluates it at the end, or in between.
+    """Collects truth and estimate frame by frame in a loop, and evaluates them at any time.
 
-    An update takes time in proportion to its own objects, however many came before.
+    The time of an update depends only on the number of its own objects.
 
     Examples
     --------
@@ -90,10 +90,9 @@ class Recorder:
         Raises
         ------
         InputError
-            An id is there twice, the time does not increase, there are more or fewer ids than
-            states, covariances or weights; states have other numbers of components than before, or
-            are points, Gaussians or particles where others of the side are not. Nothing is kept
-            then.
+            An id is a duplicate, the time does not increase, or the number of ids differs from that
+            of states, covariances or weights; or the states have another number of components, or
+            another kind (points, Gaussians, particles), than before. Nothing is kept then.
         """
         t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # a tensor
         where = f"update at t = {t}"

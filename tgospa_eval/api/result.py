@@ -83,15 +83,15 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot the cost of each step, stacked: localisation, missed, false, switch.
 
-        Where there are more steps than can be distinguished each bar is the costliest of several,
-        and the axis says of how many.
+        If there are too many steps to tell apart, each bar is the costliest of several steps, and
+        the axis says of how many.
 
         Parameters
         ----------
         style : {"screen", "paper"}
             With a title; or small, for one column of a journal.
         components : sequence of str, optional
-            Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
+            Parts of the cost to plot, of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
         ax, figure : Axes, Figure or SubFigure of matplotlib, optional
             Where to draw: axes, for a picture of one panel, which gets no title then; or an empty
@@ -127,9 +127,9 @@ class Showable(Evaluation, Reportable):
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
         """Plot a lane for each truth with the estimates that follow it, and lanes of false tracks.
 
-        A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
-        as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
-        the others share one, in which a height says how many of them are missed, or false.
+        A gap with a frame is missed, a triangle is a switch, and the darker foot of a bar is the
+        error as a share of the cutoff. If there are too many trajectories, the costliest have lanes
+        and the others share one, in which the height is the number of missed or false ones.
         Parameters, errors and return value are those of `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
@@ -150,9 +150,9 @@ class Showable(Evaluation, Reportable):
         Parameters
         ----------
         columns : pair of str, optional
-            What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
-            ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
-            ``lat``; of a single column it over the time.
+            Columns of the horizontal and the vertical axis: state columns, ``"t"`` for the time,
+            for boxes also ``"centre x"`` and ``"centre y"``. By default the first two state
+            columns, the centres of boxes, or ``lon`` and ``lat``; a single column over time.
         style : {"screen", "paper"}
             With a title; or small, for one column of a journal.
 
@@ -328,7 +328,7 @@ class Proof(PairProof):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Result(Showable, PairEvaluation):
-    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+    """Result of one evaluation. Attributes have the names of the JSON; tables are built when read.
 
     Parameters
     ----------
@@ -339,20 +339,20 @@ class Result(Showable, PairEvaluation):
     source : pair of AlignedPair and EvaluationRequest, optional
         What was evaluated, and how.
     assigned : mapping of str to (N,) float array
-        What is known of each assigned pair beside its cost, in the order of the table of
-        assignments: parts of the cost by name, and ``nees``.
+        Further values of each assigned pair, in the order of the table of assignments: parts of
+        the cost by name, and ``nees``.
     explained : Explanation, optional
-        Single repairs that would save most, if they were asked for.
+        Repairs that would save the most, if requested.
     """
 
     proof: Proof
 
     def explain(self, top: int = 10) -> Explanation:
-        """Return which single repairs of the estimate would save most, each with proven bounds.
+        """Return the single repairs of the estimate that would save the most, with proven bounds.
 
-        Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
-        estimate is moved in time and space, one change at a time. What each saves is proven from
-        bounds before and after it. Savings do not add up.
+        A repair merges, exchanges, splits, drops, cuts, fills or extends tracks, or moves the whole
+        estimate in time or space. Its saving is proven by bounds before and after it. Savings of
+        several repairs do not add up.
 
         Parameters
         ----------
@@ -376,9 +376,9 @@ class Result(Showable, PairEvaluation):
     def gradient(self) -> "Gradient":
         """Return how the cost changes with each state of the estimate, cutoff and switch penalty.
 
-        By the envelope theorem: the derivative of the cost at the reported assignment, which is
-        held. Where the best assignment is unique it is that of the metric, else one of those in
-        some direction; `Gradient.unique` says what is known.
+        This is the derivative of the cost with the reported assignment fixed (envelope theorem).
+        If the best assignment is unique, it is the derivative of the metric, else one of several
+        directional derivatives; `Gradient.unique` says which is known.
 
         Returns
         -------
@@ -414,7 +414,7 @@ def result_of(evaluation: PairEvaluation) -> Result:
 
 
 class ResultInParts(Showable, PartitionedResult):
-    """One evaluation of data in parts: sums in memory, tables as files that go with it."""
+    """Result of data in parts: sums in memory, tables as files that are removed with it."""
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
         if by:

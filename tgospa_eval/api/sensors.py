@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import OPTION_SPECS, Request
-from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.reading import align_sides, display_names, read_pair
 from tgospa_eval.api.report import as_frame
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import recast, replace
@@ -261,7 +261,7 @@ def associate(
         "estimate_where": b_where,
     }
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
-    resolved, names = resolve_request(request), called((a, b), request.sides)
+    resolved, names = resolve_request(request), display_names((a, b), request.sides)
     sides = _read(resolved, (a, b), request.sides, mapping)
     resources = Resources(jobs=request.jobs)
     return associate_sides(resolved, sides, names, resources, all_pairs=all_pairs)
@@ -305,7 +305,7 @@ def reduce(
     """
     request = requested({**options, "truth_format": in_format})
     how, resolved = reducing(request, size)
-    names = called((side,), ("side",))
+    names = display_names((side,), ("side",))
     (read,) = _read(resolved, (side,), ("side",), mapping)
     after, table = reduce_side(read, how, names[0], Resources(jobs=request.jobs))
     return after, as_frame(table)

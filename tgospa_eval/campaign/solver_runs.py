@@ -60,7 +60,7 @@ Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 
 """
 
 
-def called(solver: str, epsilon: float | None) -> str:
+def display_name(solver: str, epsilon: float | None) -> str:
     """Return the name of a solver, with as many digits of its temperature as it needs."""
     if epsilon is None:
         return solver
@@ -70,7 +70,7 @@ def called(solver: str, epsilon: float | None) -> str:
 
 def name_of(solver: Solver) -> str:
     """Name and temperature of a solver."""
-    return called(solver.name, solver.epsilon)
+    return display_name(solver.name, solver.epsilon)
 
 
 def _run(solver: Solver, status: str, **values: object) -> Json:

@@ -28,9 +28,9 @@ BASE = {
 """Bytes of interpreter and libraries with CSV and with Parquet files: of an evaluation in memory,
 of the process of data in parts, of each worker beyond what it shares with that, of the report."""
 
-BYTES_A_ROW, BYTES_AN_ENTRY, DRAWN = 150, 300, 1.5
-"""Bytes that each row that is read takes, and each near pair that is solved; times what all takes
-that is drawn."""
+BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
+"""Bytes of each row that is read and of each near pair that is solved; the factor on rows if there
+are pictures."""
 
 BYTES_COMPARED = 40, 280
 """Bytes that each row and each near pair take in memory while a problem is solved."""
@@ -71,7 +71,7 @@ class Share:
         Number of processes; 1 is the process that starts the work.
     data : int
         Bytes of data of each.
-    alone : int
+    single : int
         Bytes of data of one process where there are no others.
     fixed : int
         Bytes that it takes beside its data.
@@ -79,12 +79,12 @@ class Share:
 
     jobs: int
     data: int
-    alone: int
+    single: int
     fixed: int
 
     @classmethod
     def of(
-        cls, limit: int, jobs: int, formats: Sequence[str], *, drawn: bool, cluster: bool
+        cls, limit: int, jobs: int, formats: Sequence[str], *, pictures: bool, cluster: bool
     ) -> "Share":
         """Divide a limit among as many processes as have enough of it each.
 
@@ -96,7 +96,7 @@ class Share:
             Number of processes at most.
         formats : sequence of str
             Formats of the files.
-        drawn : bool
+        pictures : bool
             Whether pictures are made.
         cluster : bool
             Whether the processes are workers of a cluster.
@@ -106,18 +106,18 @@ class Share:
         MemoryTooSmallError
             The limit is below what one process needs.
         """
-        main, report = base("main", formats), base(f"report{', drawn' * drawn}", formats)
+        main, report = base("main", formats), base(f"report{', drawn' * pictures}", formats)
         for count in range(jobs, 1, -1):
             share = (limit - main - HELPERS) // count - base("worker", formats)
             if share >= GOOD_SHARE and limit >= report:
-                return cls(jobs=count, data=share, alone=limit - main, fixed=main)
-        least = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
-        if limit < least:
+                return cls(jobs=count, data=share, single=limit - main, fixed=main)
+        minimum = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
+        if limit < minimum:
             raise MemoryTooSmallError(
-                f"data in parts take {size_text(least)} at least: allow "
-                f"{option('memory', size_text(least))}"
+                f"data in parts take {size_text(minimum)} at least: allow "
+                f"{option('memory', size_text(minimum))}"
             )
-        return cls(jobs=1, data=limit - main, alone=limit - main, fixed=main)
+        return cls(jobs=1, data=limit - main, single=limit - main, fixed=main)
 
     @property
     def rows(self) -> int:
@@ -147,7 +147,7 @@ class Share:
         needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
         if entries <= self.entries or needed <= self.data:
             return True
-        if needed > self.alone:
+        if needed > self.single:
             size = size_text(needed + self.fixed)
             raise MemoryTooSmallError(
                 f"objects near one another make a component of {entries:,} near pairs, which is "
@@ -173,7 +173,7 @@ def format_of(path: str) -> str | None:
     return FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
 
 
-def bytes_in_memory(paths: Sequence[str], *, drawn: bool) -> float:
+def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
     """Return about how much an evaluation of files in memory takes.
 
     Near pairs beyond one for each two rows are not counted here, but in `check_pairs`.
@@ -181,16 +181,16 @@ def bytes_in_memory(paths: Sequence[str], *, drawn: bool) -> float:
     formats = [format_of(path) or "" for path in paths]
     read = [_rows(path, format) for path, format in zip(paths, formats, strict=True)]
     size, rows = map(sum, zip(*read, strict=True))
-    if not drawn:
+    if not pictures:
         return base("whole", formats) + size + BYTES_A_ROW * rows
-    pictures = min(PICTURES, OF_PICTURES * rows)
-    return base("whole, drawn", formats) + pictures + size + DRAWN * BYTES_A_ROW * rows
+    drawing = min(PICTURES, OF_PICTURES * rows)
+    return base("whole, drawn", formats) + drawing + size + OF_DRAWING * BYTES_A_ROW * rows
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
     """Return what may be taken until a problem is solved where it is drawn as well."""
     formats = [format_of(path) or "" for path in paths]
-    left = (limit - base("whole, drawn", formats)) / DRAWN
+    left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)
 
 

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PairEvaluation(Evaluation):
-    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+    """Result of one evaluation. Attributes have the names of the JSON; tables are built when read.
 
     Parameters
     ----------
@@ -64,10 +64,10 @@ class PairEvaluation(Evaluation):
     source : pair of AlignedPair and EvaluationRequest, optional
         What was evaluated, and how.
     assigned : mapping of str to (N,) float array
-        What is known of each assigned pair beside its cost, in the order of the table of
-        assignments: parts of the cost by name, and ``nees``.
+        Further values of each assigned pair, in the order of the table of assignments: parts of
+        the cost by name, and ``nees``.
     explained : Explanation, optional
-        Single repairs that would save most, if they were asked for.
+        Repairs that would save the most, if requested.
     """
 
     proof: PairProof

@@ -69,7 +69,7 @@ class SliceBy:
     Parameters
     ----------
     text : str
-        As it was asked for.
+        The attributes, as requested.
     attributes : tuple of Attribute
         One or two.
     summed : bool

@@ -1053,7 +1053,7 @@ def read_trajectories(
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
 
     Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
-    Covariances that are not quite such get a warning.
+    Matrices that are slightly off being covariances get a warning.
 
     Parameters
     ----------

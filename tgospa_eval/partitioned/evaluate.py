@@ -1,4 +1,4 @@
-"""From two paths to a result, of data that are larger than memory."""
+"""Evaluation of data that are larger than memory: from two paths to a result."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -46,8 +46,8 @@ from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
-"""Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
-takes a second. Of more it would take memory of this process as well."""
+"""Below so many bytes of files, workers start only after so many seconds of work: to start one
+takes a second. With more data, this process would need the memory of a worker as well."""
 
 ROWS_SUMMED = 1 << 18
 """Assigned pairs that are added up at once."""
@@ -58,12 +58,12 @@ ROUNDED = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSummary(Reading):
-    """What is known of a side when its rows are read; its trajectories are its stamps alone.
+    """Facts about a side whose rows have been read; its trajectories are only its timestamps.
 
     Parameters
     ----------
     at_steps : int
-        How many rows that take part have stamps that are steps.
+        Number of rows that take part and whose timestamps are steps.
     sums : list of tuple of int
         `row_sums` of these rows in each block.
     """
@@ -73,7 +73,7 @@ class SideSummary(Reading):
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
-        """Of what `scan` says of all blocks.
+        """Summarise what `scan` wrote for all blocks.
 
         Raises
         ------
@@ -104,16 +104,16 @@ class SideSummary(Reading):
 
     @property
     def taken(self) -> int:
-        """Rows that take part."""
+        """Number of rows that take part."""
         return sum(one[0] for one in self.sums)
 
     @property
     def off(self) -> int:
-        """Rows that take part, but for those whose stamps are steps."""
+        """Number of rows that take part and whose timestamps are no steps."""
         return self.taken - self.at_steps
 
     def has_class(self, name: str) -> bool:
-        """Whether there are rows of a class that is asked for; blocks do not know of all names."""
+        """Return whether there are rows of a requested class; a block does not know all names."""
         return name in self.named
 
 
@@ -138,7 +138,7 @@ def evaluate_partitioned(
     reading : pair of ReadOptions
         How to read them.
     request_of : callable
-        What is asked, given the names of the state columns.
+        The request, given the names of the state columns.
     work : Path
         Folder for what is known on the way, and for the tables of the result; the same evaluation
         goes on from what is there.
@@ -161,10 +161,10 @@ def evaluate_partitioned(
         Something is wrong with the data, or asked for that needs them all at once.
     """
     rows = share.rows
-    files = [found for path in paths for found in stored(path)]
+    files = [file for path in paths for file in stored(path)]
     pool: AbstractContextManager[PersistentPool | None] = nullcontext()
     if engine is not None:
-        small = sum(found.st_size for _, found in files) < SMALL_DATA
+        small = sum(stat.st_size for _, stat in files) < SMALL_DATA
         here = isinstance(engine, Processes) and small
         pool = PersistentPool(engine, share.jobs, BEFORE_WORKERS if here else 0.0)
     with pool as workers:
@@ -188,33 +188,33 @@ def evaluate_partitioned(
                 request, sides, absent = _marking(request, request.ignoring, sides)
                 for text in absent:
                     stopwatch.notify(f"{paths[0]}: {text}")
-            axis, grid, cut = find_steps(sides, clocks, request, paths)
+            axis, grid, plan = find_steps(sides, clocks, request, paths)
 
-        looked = look(cut, grid) if len(cut.times) else []
-        for notice in looked:
+        diagnosed = diagnose_middle(plan, grid) if len(plan.times) else []
+        for notice in diagnosed:
             if not notice.code:
                 stopwatch.notify(str(notice))
         stages = Stages(stopwatch, workers)
-        read, blocks = scan_parts(cut, work, share, stages)
+        read, blocks = scan_parts(plan, work, share, stages)
         known = tuple(
             SideSummary.of(side, [block[number] for block in read])
             for number, side in enumerate(sides)
         )
         if check is not None:
             check(known, paths)
-        found = evaluate_parts(cut, blocks, work, share, stages)
+        evaluated = evaluate_parts(plan, blocks, work, share, stages)
         with stopwatch.span("report"):
             result = _result(
-                known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept
+                known, axis, grid, plan, evaluated, blocks, stopwatch, work, run, assignments=kept
             )
-            notices = list(_notices(known, axis, grid, cut, blocks))
+            notices = list(_notices(known, axis, grid, plan, blocks))
             for notice in notices:
                 stopwatch.notify(str(notice))
     return replace(
         result,
-        notices=tuple(one.sentence for one in (*looked, *notices) if not one.code),
+        notices=tuple(one.sentence for one in (*diagnosed, *notices) if not one.code),
         warnings=(
-            *(notice for notice in looked if notice.code),
+            *(notice for notice in diagnosed if notice.code),
             *(notice for one in known for notice in one.warnings),
             *result.warnings,
         ),
@@ -228,12 +228,12 @@ def _with_heights(
     paths: tuple[str, str],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
 ) -> tuple[tuple[ReadOptions, ReadOptions], list[str]]:
-    """Options that read heights where both sides have some, and what to say of those of one.
+    """Return options that read heights if both sides have them, and notices about heights.
 
     Raises
     ------
     ConfigError
-        Both have, and the distance knows none.
+        Both sides have heights, and the distance does not support them.
     """
     heads = [
         side_roles(format, files[0], options)
@@ -252,12 +252,12 @@ def _with_heights(
 def _marking(
     request: EvaluationRequest, ignoring: Ignoring, sides: tuple[PartsSide, PartsSide]
 ) -> tuple[EvaluationRequest, tuple[PartsSide, PartsSide], list[str]]:
-    """What is asked, of sides that mark what is not judged, and what to say of absent classes.
+    """Return the request and sides that mark ignored states, and messages about absent classes.
 
     Raises
     ------
     ConfigError
-        A side has no marks that are asked for.
+        A side lacks marks that are requested.
     """
     ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
     ignoring, absent = ignoring.spelt(sides[0].steps.classes)
@@ -274,8 +274,8 @@ def _result(
     known: Sequence[SideSummary],
     axis: Axis,
     grid: Alignment,
-    cut: BlockPlan,
-    found: Evaluated,
+    plan: BlockPlan,
+    evaluated: Evaluated,
     blocks: Sequence[Scanned],
     stopwatch: Stopwatch,
     work: Path,
@@ -283,17 +283,17 @@ def _result(
     *,
     assignments: bool,
 ) -> PartitionedResult:
-    """The result, its tables written."""
-    request, sides, proof = cut.request, cut.sides, found.proof
-    for side, numbered in zip(sides, found.tracks, strict=True):
+    """Write the tables, and return the result."""
+    request, sides, proof = plan.request, plan.sides, evaluated.proof
+    for side, numbered in zip(sides, evaluated.tracks, strict=True):
         if numbered.rows.sum() == side.steps.rows:  # else filters may have left out the other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
-    check_underflow(found.constants, parameters, bounds.upper)
+    check_underflow(evaluated.constants, parameters, bounds.upper)
     shown = grid.truth.shown
-    truths, estimates = found.tracks
-    unjudged = {} if found.unjudged is None else vars(found.unjudged)
+    truths, estimates = evaluated.tracks
+    unjudged = {} if evaluated.unjudged is None else vars(evaluated.unjudged)
     tables = write_tables(
         str(work / "tables"),
         {
@@ -302,16 +302,16 @@ def _result(
             "estimates": estimates.ids,
         },
         proof,
-        zip((truths.rows, estimates.rows), found.track_costs, strict=True),
-        found.folders,
+        zip((truths.rows, estimates.rows), evaluated.track_costs, strict=True),
+        evaluated.folders,
         run,
-        assigned=found.assigned,
-        further={**found.beside, "step": {**unjudged, **found.beside["step"]}},
+        assigned=evaluated.assigned,
+        further={**evaluated.beside, "step": {**unjudged, **evaluated.beside["step"]}},
         assignments=assignments,
     )
     split = {
         name: float(sums.sum())
-        for name, sums in found.beside["step"].items()
+        for name, sums in evaluated.beside["step"].items()
         if name in SPLIT_PARTS
     }
     spent = stopwatch.spans.get("solve/sweeps", 0.0)
@@ -321,14 +321,14 @@ def _result(
         prices=np.zeros(0),
         status=Status.LATE if late else Status.SOLVED,
         finished=not late,
-        iterations=found.iterations,
+        iterations=evaluated.iterations,
     )
     rule = "grid" if request.time_matching.steps is None else "steps"
-    counts, columns = found.objects[0], sides[0].columns
-    if found.unjudged is not None:
-        counts = counts - found.unjudged.ignored
+    counts, columns = evaluated.objects[0], sides[0].columns
+    if evaluated.unjudged is not None:
+        counts = counts - evaluated.unjudged.ignored
     switches = float(proof.breakdown.switch_count.sum())
-    numbers, followed = tracking(found, max(len(axis.horizon.times), 1), switches)
+    numbers, followed = tracking(evaluated, max(len(axis.horizon.times), 1), switches)
     counting = digest_of_sums(columns, [block.counting for block in blocks])
     return make_result(
         PartitionedResult,
@@ -355,27 +355,27 @@ def _result(
             at=int(np.count_nonzero(counts)),
         ),
         split=split or None,
-        nees=found.nees,
-        unjudged=found.unjudged,
+        nees=evaluated.nees,
+        unjudged=evaluated.unjudged,
         sizes={
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
-            "steps": len(cut.times),
-            **found.sizes,
+            "steps": len(plan.times),
+            **evaluated.sizes,
         },
-        objects=(int(found.objects[0].sum()), int(found.objects[1].sum())),
+        objects=(int(evaluated.objects[0].sum()), int(evaluated.objects[1].sum())),
         tables=tables,
         tracking=numbers,
         followed=followed,
     )
 
 
-def tracking(found: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
-    """Numbers of the summary that sums tell, and the share of each truth that is followed."""
-    parameters = found.proof.parameters
+def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
+    """Return numbers of the summary that are sums, and the tracked share of each truth."""
+    parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
     total, first, second, whole = 0.0, 0.0, 0.0, True
-    for piece in found.assigned:
+    for piece in evaluated.assigned:
         rows = np.load(piece, mmap_mode="r")
         for begin in range(0, len(rows), ROWS_SUMMED):
             own = rows[begin : begin + ROWS_SUMMED]
@@ -383,16 +383,16 @@ def tracking(found: Evaluated, horizon: int, switches: float) -> tuple[Json, Flo
             weight, error = own["weight"], cutoff * own["cost"] ** power
             total, whole = total + float(weight.sum()), whole and bool((weight == 1).all())
             first, second = first + float(weight @ error), second + float(weight @ error**2)
-    states = [tracks.judged for tracks in found.tracks]
+    states = [tracks.evaluated for tracks in evaluated.tracks]
     with np.errstate(divide="ignore", invalid="ignore"):
         followed = [
             (own - costs.unassigned_count) / own
-            for own, costs in zip(states, found.track_costs, strict=True)
+            for own, costs in zip(states, evaluated.track_costs, strict=True)
         ]
     false = (states[1] > 0) & (followed[1] <= ROUNDED)
     truths, estimates = (
         int(states[0].sum()),
-        total + float(found.track_costs[1].unassigned_count.sum()),
+        total + float(evaluated.track_costs[1].unassigned_count.sum()),
     )
     numbers: Json = {
         "assigned_states": total,
@@ -407,8 +407,8 @@ def tracking(found: Evaluated, horizon: int, switches: float) -> tuple[Json, Flo
         "false_tracks_per_step": ratio(float(states[1][false].sum()), horizon),
         "false_track_length": mean(states[1][false].astype(np.float64)),
     }
-    if found.unjudged is None:
-        surplus = found.objects[1] - found.objects[0]
+    if evaluated.unjudged is None:
+        surplus = evaluated.objects[1] - evaluated.objects[0]
         numbers |= {
             "cardinality_error": ratio(float(surplus.sum()), horizon),
             "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
@@ -427,61 +427,60 @@ def _notices(
     known: Sequence[SideSummary],
     axis: Axis,
     grid: Alignment,
-    cut: BlockPlan,
+    plan: BlockPlan,
     blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
-    """What the user should know of the two sides."""
-    matching = cut.request.time_matching
-    for side, one in zip(cut.sides, known, strict=True):
+    """Yield notices about the two sides."""
+    matching = plan.request.time_matching
+    for side, one in zip(plan.sides, known, strict=True):
         for text in side.said(one.left_out):
             yield Notice(text=f"{side.path}: {text}")
     off = known[0].off, known[1].off
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])
-    if cut.request.ignoring is not None:
+    if plan.request.ignoring is not None:
         ignored, excused = (
             any(block.unjudged[number].any() for block in blocks) for number in (0, 1)
         )
-        for text in cut.request.ignoring.messages(ignored=ignored, excused=excused):
+        for text in plan.request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)
     check_left(matching, sum(one.at_steps for one in known), off)
     yield from axis_notices(replace(axis, left_out=off), matching)
 
 
-LOOKED_AT = 50_000
-"""Rows of both sides together that are looked at: a diagnosis of so many takes a tenth of a
-second."""
+DIAGNOSED_ROWS = 50_000
+"""Rows of both sides that are diagnosed, which takes a tenth of a second."""
 
 
-def look(cut: BlockPlan, grid: Alignment) -> list[Notice]:
-    """Notices about both sides, and warnings about the middle of the recording.
+def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
+    """Return notices about both sides, and warnings about the middle of the recording.
 
     Parameters
     ----------
-    cut : BlockPlan
+    plan : BlockPlan
         What is evaluated.
     grid : Alignment
         The steps of both sides, without their rows.
     """
-    request, names = cut.request, cut.names
-    steps = replace(grid, left_out=(0, 0))  # whose rows are not counted yet
+    request, names = plan.request, plan.names
+    steps = replace(grid, left_out=(0, 0))  # rows are not counted yet
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
-    first, last = middle(cut.rows, LOOKED_AT)
-    piece = cut.piece(first, last + 1)
+    first, last = middle(plan.rows, DIAGNOSED_ROWS)
+    piece = plan.piece(first, last + 1)
     truth, estimate = (reading.trajectories for reading in piece.read())
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
-    else:  # of their own stamps what is wrong with clocks is seen
+    else:  # their own timestamps show what is wrong with clocks
         sides = fit(truth, estimate, request, names)
-    found = diagnose(sides, request)
+    warnings = diagnose(sides, request)
     shown = grid.truth.shown
     return notices + [
-        notice.about(f"from step {shown[first]} to {shown[last]}") for notice in found
+        notice.about(f"from step {shown[first]} to {shown[last]}") for notice in warnings
     ]
 
 
 def middle(rows: Ints, size: int) -> tuple[int, int]:
-    """First and last of the steps with so many rows around the middle one of all rows."""
+    """Return the first and last step of those with `size` rows around the middle row."""
     after = np.cumsum(rows)
     half = int(after[-1]) // 2
     first = int(np.searchsorted(after, half - size // 2, side="right"))

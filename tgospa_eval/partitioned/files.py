@@ -1,4 +1,4 @@
-"""Files of one side in parts: which there are, digests, and the rows of a piece of one."""
+"""Files of one side in parts: their list, their digests, and the rows of pieces of them."""
 
 import hashlib
 import json
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")
-"""Of names, without those of compressed files."""
+PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
+"""Suffixes of files, without those of compressed files."""
 
 HIDDEN = ("_", ".")
-"""How names begin of what writers leave beside the data: _SUCCESS, _metadata, .crc."""
+"""First letters of files that writers leave beside the data: _SUCCESS, _metadata, .crc."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -54,7 +54,7 @@ class File:
     Parameters
     ----------
     path : str
-        What it is called in messages.
+        Its name in messages.
     place : str
         Where it is, for workers in whatever folder.
     keys : tuple of pairs of str
@@ -67,7 +67,7 @@ class File:
 
 
 def files_of(path: str) -> tuple[str, tuple[File, ...]]:
-    """Format and files of a side, in natural order of their paths (part-2 before part-10).
+    """Return the format and files of a side, in natural order of paths (part-2 before part-10).
 
     Raises
     ------
@@ -85,37 +85,37 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
         return _kind(path), (File(path, os.path.abspath(path)),)
     if is_table_folder(path):
         raise InputError(f"{path}: a folder of nuScenes; {NOT_IN_PARTS}")
-    found = sorted(_walk(path), key=lambda file: natural(file.path))
+    files = sorted(_walk(path), key=lambda file: natural(file.path))
     kinds: dict[str, str] = {}
-    for file in found:
+    for file in files:
         kinds.setdefault(_kind(file.path), file.path)
-    if not found:
+    if not files:
         raise InputError(f"{path}: no file in this folder; write Parquet or CSV files into it")
     if len(kinds) > 1:
         both = listed(sorted(os.path.relpath(each, path) for each in kinds.values()))
         raise InputError(f"{path}: files of two formats, {both}; write all as Parquet, or as CSV")
-    return next(iter(kinds)), tuple(found)
+    return next(iter(kinds)), tuple(files)
 
 
 def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
-    """The files of a side in the order of their paths, and what the system says of each."""
-    found = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
-    for file in sorted(found, key=lambda file: file.path):
-        with suppress(FileNotFoundError):  # a link to nowhere: whoever reads it says so
+    """Yield the files of a side in the order of their paths, with the status of each."""
+    files = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
+    for file in sorted(files, key=lambda file: file.path):
+        with suppress(FileNotFoundError):  # a link to nowhere: reading it is an error of its own
             yield file, os.stat(file.place)
 
 
-def state_of(found: os.stat_result) -> tuple[int, ...]:
-    """What differs after a file was changed or replaced, where the system keeps account of it.
+def state_of(stat: os.stat_result) -> tuple[int, ...]:
+    """Return the parts of a status that differ after a file was changed or replaced.
 
-    A time of modification can be set back, the time of a change of status cannot. The device is
-    left out: its number may be another one whenever it is mounted.
+    The time of modification can be set back; the time of a change of status cannot. The device is
+    left out, as its number may change whenever it is mounted.
     """
-    return found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
 def _walk(folder: str) -> Iterator[File]:
-    """Files below a folder but for hidden ones, with the keys of the folders between."""
+    """Yield the files below a folder except hidden ones, with the keys of the folders between."""
 
     def refuse(error: OSError) -> None:
         raise error
@@ -133,12 +133,12 @@ def _walk(folder: str) -> Iterator[File]:
 
 
 def _value(text: str) -> str:
-    """Value of a key in the name of a folder, as Hive writes it."""
+    """Return the value of a key in the name of a folder, as Hive writes it."""
     return "" if text == "__HIVE_DEFAULT_PARTITION__" else unquote(text)
 
 
 def _kind(path: str) -> str:
-    """``"parquet"`` or ``"csv"``.
+    """Return the format of a file: ``"parquet"`` or ``"csv"``.
 
     Raises
     ------
@@ -149,16 +149,16 @@ def _kind(path: str) -> str:
         head = file.read(GUESSED_FROM)
     if head.startswith(b"PAR1"):
         return "parquet"
-    found = re.search(r"\.[^./\\]*$", plain_name(path))
-    ending = found[0] if found else ""
-    if ending in PARQUET_ENDINGS:
+    match = re.search(r"\.[^./\\]*$", plain_name(path))
+    suffix = match[0] if match else ""
+    if suffix in PARQUET_SUFFIXES:
         if is_packed(head):
             raise InputError(
                 f"{path}: a compressed Parquet file; unpack it, or compress its columns"
             )
         return "parquet"
-    looks = "csv" if is_packed(head) or ending in CSV_ENDINGS else guess(path, head)
-    if looks == "csv" and ending in (*CSV_ENDINGS, ".txt", ""):
+    looks = "csv" if is_packed(head) or suffix in CSV_SUFFIXES else guess(path, head)
+    if looks == "csv" and suffix in (*CSV_SUFFIXES, ".txt", ""):
         return "csv"
     what = "is no table by its name" if looks == "csv" else f"looks like {looks}"
     raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")
@@ -168,7 +168,7 @@ TOGETHER = 1 << 26
 """Bytes of files that are one task."""
 
 CONTENT = "content"
-"""In the folder of work, that of the digests of the files that it is derived from."""
+"""Folder, in that of the work, of the digests of the files that the work is derived from."""
 
 Stretch = tuple[File, int, int]
 """Bytes of a file, from one to another."""
@@ -177,8 +177,8 @@ Stretch = tuple[File, int, int]
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
     """Empty a folder of work that was derived from files with another content.
 
-    A file that was changed may have the size and the times of the old one. So all are read, when
-    the work is begun and whenever it is gone on with.
+    A file that was changed may have the size and the times of the old one, so all files are read
+    whenever the work begins or goes on.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     Returns
     -------
     str or None
-        The first that has changed, if the work has to be begun anew.
+        The first file that has changed, if the work has to start again.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     """
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = tempfile.mkdtemp(dir=kept.parent)  # what was found before says nothing of now
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # digests of an earlier run say nothing about now
     batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
         os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
@@ -209,8 +209,8 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     run({output: partial(write_digests, stretches=some) for output, some in stretches.items()})
     now: dict[str, list[str]] = {}
     for output, some in stretches.items():
-        found = json.loads(Path(output).read_bytes())
-        for (file, _, _), digest in zip(some, found, strict=True):
+        digests = json.loads(Path(output).read_bytes())
+        for (file, _, _), digest in zip(some, digests, strict=True):
             now.setdefault(file.path, []).append(digest)
     shutil.rmtree(fresh, ignore_errors=True)
     before = now
@@ -251,14 +251,14 @@ def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
 
 
 def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch]:
-    """The bytes of all files in order, no more than so many together."""
-    for file, found in files:
-        for begin in range(0, max(found.st_size, 1), TOGETHER):
-            yield file, begin, min(begin + TOGETHER, found.st_size)
+    """Yield the bytes of all files in order, in stretches of at most `TOGETHER`."""
+    for file, stat in files:
+        for begin in range(0, max(stat.st_size, 1), TOGETHER):
+            yield file, begin, min(begin + TOGETHER, stat.st_size)
 
 
 def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool]:
-    """Understand the begin of a CSV file.
+    """Read the header of a CSV file.
 
     Returns
     -------
@@ -305,9 +305,9 @@ Moved = Callable[[str], str]
 
 
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-    """Rows of the lines that begin between two bytes, and the number of the first among them.
+    """Yield rows of the lines that begin between two bytes, and the number of the first row.
 
-    A compressed file is read whole, so many bytes at a time.
+    A compressed file is read whole, `end` bytes at a time.
 
     Raises
     ------
@@ -316,7 +316,7 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
     """
     head, _, decimal, packed = read_head(file, options)
     known = replace(options, decimal=decimal)
-    pieces = _unpacked(file, head, end) if packed else _cut(file, head, begin, end)
+    pieces = _unpacked(file, head, end) if packed else _lines_between(file, head, begin, end)
     first = 0
     for content, lines_before in pieces:
         moved: Moved = partial(_moved, file.path, head.count(b"\n"), lines_before)
@@ -335,21 +335,21 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
 
 
 def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:
-    """A message with the line in the file in place of that in the piece."""
+    """Return a message with the line in the file in place of the line in the piece."""
 
-    def line(found: re.Match[str]) -> str:
-        number = int(found[2])
-        return f"{found[1]}{number if number <= header else number + lines_before()}"
+    def line(match: re.Match[str]) -> str:
+        number = int(match[2])
+        return f"{match[1]}{number if number <= header else number + lines_before()}"
 
     return re.sub(rf"({re.escape(visible(path))}, line )(\d+)", line, message)
 
 
-Cut = tuple[bytes, Callable[[], int]]
+NumberedLines = tuple[bytes, Callable[[], int]]
 """Lines, and how many are between the header and them."""
 
 
-def _cut(file: File, head: bytes, begin: int, end: int) -> Iterator[Cut]:
-    """The lines that begin between two bytes of a file."""
+def _lines_between(file: File, head: bytes, begin: int, end: int) -> Iterator[NumberedLines]:
+    """Yield the lines that begin between two bytes of a file."""
     start = max(begin, len(head))
     with named(file.path, InputError), open(file.place, "rb") as source:
         if start > len(head):
@@ -364,7 +364,7 @@ def _cut(file: File, head: bytes, begin: int, end: int) -> Iterator[Cut]:
 
 
 def _lines(file: File, begin: int, end: int) -> int:
-    """Lines between two bytes of a file."""
+    """Return the number of lines between two bytes of a file."""
     count = 0
     with named(file.path, InputError), open(file.place, "rb") as source:
         source.seek(begin)
@@ -374,8 +374,8 @@ def _lines(file: File, begin: int, end: int) -> int:
     return count
 
 
-def _unpacked(file: File, head: bytes, size: int) -> Iterator[Cut]:
-    """All lines of a compressed file, so many bytes at a time."""
+def _unpacked(file: File, head: bytes, size: int) -> Iterator[NumberedLines]:
+    """Yield all lines of a compressed file, `size` bytes at a time."""
     before = 0
     with unpacking(file.place, file.path) as stream:
         stream.read(len(head))
@@ -386,7 +386,7 @@ def _unpacked(file: File, head: bytes, size: int) -> Iterator[Cut]:
 
 
 def size_of(file: File) -> int:
-    """Bytes of a file as it is stored."""
+    """Return the bytes of a file as it is stored."""
     with named(file.path, InputError):
         return os.path.getsize(file.place)
 
@@ -401,7 +401,7 @@ BYTES_OF_COLUMN = 1 << 20
 def table_rows(
     file: File, begin: int, end: int, options: ReadOptions
 ) -> Iterator[tuple[Rows, int]]:
-    """Rows of some row groups of a Parquet file, and the number of the first among them.
+    """Yield rows of some row groups of a Parquet file, and the number of the first row.
 
     Raises
     ------
@@ -424,7 +424,7 @@ def _row_of(path: str, first: int, row: int) -> str:
 def _batches(
     file: File, content: "pa.parquet.ParquetFile", groups: range, columns: list[str]
 ) -> "Iterator[pa.Table]":
-    """The columns of row groups, some rows at a time; those of folders that the file lacks too."""
+    """Yield columns of row groups, some rows at a time, with the keys of folders as columns."""
     import pyarrow as pa
 
     own = [name for name in columns if name in content.schema_arrow.names]
@@ -494,7 +494,7 @@ def open_table(
 
 @dataclass(frozen=True, kw_only=True)
 class FilePiece:
-    """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
+    """Part of a file that is read at once: row groups, or the lines that begin in a range of bytes.
 
     Parameters
     ----------
@@ -512,11 +512,11 @@ class FilePiece:
     text: bool
 
     def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-        """Its rows, some at a time, and the number of the first: in a table, in a piece of text."""
+        """Yield rows, some at a time, and the number of the first in the table or piece of text."""
         return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
     def where(self, row: int, options: ReadOptions) -> str:
-        """Where a row is, for messages: of a table by its place there, of a text in the piece."""
+        """Return the place of a row, for messages; a row of a text is counted in its piece."""
         if not self.text:
             return _row_of(self.file.path, 0, row)
         for rows, first in self.rows(options):

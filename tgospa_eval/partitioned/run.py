@@ -1,6 +1,6 @@
-"""The line of a partitioned evaluation: scan, components, shuffle, solve, add up.
+"""Stages of a partitioned evaluation: scan, find components, shuffle, solve, add up.
 
-Tracks of all blocks get global numbers, components, and with these a shard.
+The tracks of all blocks get global numbers. Each component of them is put into a shard.
 """
 
 import json
@@ -30,7 +30,7 @@ from tgospa_eval.partitioned.shards import (
     solve_shard,
     sort_entries,
 )
-from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
+from tgospa_eval.partitioned.tables import existing_files, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
@@ -43,7 +43,7 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Ids and pairs of blocks wait until they are so many: each batch is a pass over all tracks."""
+"""Ids and pairs of blocks that are handled together: each batch is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,20 +54,20 @@ class Tracks:
     ----------
     ids : (k,) array of str
         In the order in which reading one file numbers them.
-    rows, judged : (k,) int arrays
-        How many rows they have, and how many of these are judged.
+    rows, evaluated : (k,) int arrays
+        How many rows they have, and how many of these are evaluated.
     numbers : list of Path
         Of each block the file with the numbers of its tracks.
     """
 
     ids: NDArray[np.str_]
     rows: Ints
-    judged: Ints
+    evaluated: Ints
     numbers: list[Path]
 
 
 def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
-    """The tracks of a side over all blocks, in natural order of their ids."""
+    """Return the tracks of a side over all blocks, in natural order of their ids."""
     role, ids = ROLES[side], np.zeros(0, "U1")
     for some in in_batches((block.read(f"{role}_ids") for block in blocks), len, FEW):
         ids = np.unique(np.concatenate([ids, *some]))
@@ -81,11 +81,11 @@ def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
         rows[number] += block.read(f"{role}_rows")
         unjudged[number] += block.read(f"{role}_unjudged_rows")
         np.save(path, number)
-    return Tracks(ids=ids[order], rows=rows, judged=rows - unjudged, numbers=numbers)
+    return Tracks(ids=ids[order], rows=rows, evaluated=rows - unjudged, numbers=numbers)
 
 
 def _natural_order(ids: NDArray[np.str_]) -> Ints:
-    """Order of distinct ids, 2 before 10; plain numbers need no look at each."""
+    """Return the order of distinct ids, 2 before 10; plain numbers are sorted at once."""
     try:
         numbers = ids.astype(np.int64)
     except (ValueError, OverflowError):
@@ -108,7 +108,7 @@ def make_shards(
     entries : (N,) int array
         Entries of each shard.
     sizes : dict of str to int
-        How many pairs, their steps and components there are in all, as a result has them.
+        Numbers of pairs, of their steps and of components, as a result has them.
     """
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
@@ -142,7 +142,7 @@ def make_shards(
 
 
 def _in_several(side: Tracks) -> Mask:
-    """Which tracks are in more than one block: only pairs of these may be as well."""
+    """Return a mask of tracks that are in more than one block: only pairs of these may be, too."""
     count = np.zeros(len(side.ids), np.int32)
     for path in side.numbers:
         count[np.load(path)] += 1
@@ -152,27 +152,27 @@ def _in_several(side: Tracks) -> Mask:
 def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Truths, estimates and entries of the pairs of each block."""
+    """Yield truths, estimates and entries of the pairs of each block."""
     for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
 
 
 # -------------------------------------------------------------------------------------------------
-# What the stages of a partitioned evaluation say of themselves while they go on.
+# Progress of the stages.
 
 OUTWARD = 1e-12
-"""Relative, by which bounds that are shown are wider: sums of sums are off by less."""
+"""Relative widening of bounds that are shown: sums of sums are off by less."""
 
 
-TOLD_FROM = 0.01
-"""Of the work has to be done before anyone says how long the rest takes."""
+SHOWN_FROM = 0.01
+"""Share of the work that has to be done before the time left is shown."""
 
 
 class Stages:
-    """Does the tasks of each stage; tells how much is done, the time left, what is proven so far.
+    """Runs the tasks of each stage, and reports progress, the time left and the bounds so far.
 
-    Who watches reads it from the stopwatch and its `progress`.
+    The reports go to the stopwatch and its `progress`.
 
     Parameters
     ----------
@@ -225,18 +225,18 @@ class Stages:
         self._show()
         run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
-    def work_alone(self) -> None:
+    def end_workers(self) -> None:
         """End the workers: from now on this process has all the memory, and does all the work."""
         if self.engine is not None:
             self.engine.close()
             self.engine = None
 
     def end(self) -> None:
-        """All stages are done."""
+        """End the last stage."""
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
     def _ended(self, task: str, sums: PartialSums | None) -> None:
-        """A task has ended, or was found done."""
+        """Record that a task is done."""
         if task in self._left:
             self._left.remove(task)
             self._done += self._work[task]
@@ -245,7 +245,7 @@ class Stages:
         self._show()
 
     def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
-        """Say what would be paid if nothing were assigned, before shares come.
+        """Start with the cost of leaving all unassigned, before shares are proven.
 
         Parameters
         ----------
@@ -263,14 +263,14 @@ class Stages:
         return self._prices[0] * truths + self._prices[1] * estimates
 
     def prove(self, share: PartialSums, name: str) -> None:
-        """Below, shares that are known; above, them and all other objects unassigned.
+        """Record the bounds of a share, the upper one with all other objects unassigned.
 
         Parameters
         ----------
         share : PartialSums
             What is proven.
         name : str
-            Of what: it takes the place of what was proven of it before.
+            Name of the share; replaces what was proven of it before.
         """
         free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
         self._proven[name] = share.bracket[0], share.total - free
@@ -289,7 +289,7 @@ class Stages:
             return
         progress.done(self._done / whole)
         fresh = self._done - self._before
-        if fresh > TOLD_FROM * whole:
+        if fresh > SHOWN_FROM * whole:
             seconds = time.monotonic() - self._begin
             progress.left = seconds / fresh * (whole - self._done)
 
@@ -337,13 +337,13 @@ def add_up(
     lower: list[float] = []
     upper: list[float] = []
     iterations = 0
-    for path in found_in(folders, "share.npz"):
+    for path in existing_files(folders, "share.npz"):
         share = PartialSums.load(path)
         span = slice(share.first, share.first + len(share.truths))
         for name, part in parts.items():
             part[span] += getattr(share, name)
-        for counts, found in zip(left, (share.truths, share.estimates), strict=True):
-            counts[span] -= found
+        for counts, own in zip(left, (share.truths, share.estimates), strict=True):
+            counts[span] -= own
         lower += share.lower.tolist()
         upper.append(share.total)
         iterations += share.iterations
@@ -366,40 +366,40 @@ def add_up(
 
 
 def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
-    """How much of estimates follows an ignored truth at each step."""
-    found = np.zeros(steps)
+    """Return the weight of estimates assigned to ignored truths at each step."""
+    absorbed = np.zeros(steps)
     for piece in pieces:
         rows = np.load(piece, mmap_mode="r")
         at = np.flatnonzero(rows["marks"] & IGNORED_TRUTH)
-        found += np.bincount(rows["step"][at], rows["weight"][at], steps)
-    return found
+        absorbed += np.bincount(rows["step"][at], rows["weight"][at], steps)
+    return absorbed
 
 
 def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
-    """What each track contributes; the rows of those in shards that have no near pair as well."""
-    found = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
-    rest = tracks.judged.copy()
-    for path in found_in(folders, f"{name}.npz"):
+    """Return what each track contributes, its rows without a near pair included."""
+    costs = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
+    rest = tracks.evaluated.copy()
+    for path in existing_files(folders, f"{name}.npz"):
         with np.load(path) as shard:
             track = shard["track"]
-            for part, values in found.items():
+            for part, values in costs.items():
                 values[track] += shard[part]
             rest[track] -= shard["rows"]
-    found["unassigned"] += price * rest
-    found["unassigned_count"] += rest
-    return PerTrack(**found)
+    costs["unassigned"] += price * rest
+    costs["unassigned_count"] += rest
+    return PerTrack(**costs)
 
 
 SCANNED = "scan"
-"""In the folder of work, that of the blocks that were read."""
+"""Folder, in that of the work, of the blocks that were read."""
 
 HEAVY = 50_000
-"""Work of a task, in entries, for which workers are begun at once where there are more tasks."""
+"""Entries of a task from which workers start at once if there are several tasks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated:
-    """What came out.
+    """Outcome of all shards together.
 
     Parameters
     ----------
@@ -444,13 +444,13 @@ class Evaluated:
 
 
 def scan_parts(
-    cut: BlockPlan, work: Path, share: Share, stages: Stages
+    plan: BlockPlan, work: Path, share: Share, stages: Stages
 ) -> tuple[list[list[Json]], list[Scanned]]:
     """Read all blocks of whole steps and find near pairs; each time of a side is in one block.
 
     Parameters
     ----------
-    cut : BlockPlan
+    plan : BlockPlan
         Both sides along the steps.
     work : Path
         The folder of what is known on the way; what is there is not done again.
@@ -474,9 +474,9 @@ def scan_parts(
     with stages.stopwatch.span("distances"):
         tasks: dict[str, Task] = {
             str(work / SCANNED / f"{number:08d}"): partial(
-                scan, piece=piece, request=cut.request, names=cut.names
+                scan, piece=piece, request=plan.request, names=plan.names
             )
-            for number, piece in enumerate(cut.pieces(share.rows))
+            for number, piece in enumerate(plan.pieces(share.rows))
         }
         stages.run("searching near pairs", tasks)
     with stages.stopwatch.span("solve/preparation"):
@@ -486,39 +486,39 @@ def scan_parts(
 
 
 def evaluate_parts(
-    cut: BlockPlan, blocks: Sequence[Scanned], work: Path, share: Share, stages: Stages
+    plan: BlockPlan, blocks: Sequence[Scanned], work: Path, share: Share, stages: Stages
 ) -> Evaluated:
-    """Solve what `scan_parts` found and add it up.
+    """Solve the problem that `scan_parts` wrote, and add up the shards.
 
     Raises
     ------
     TgospaError
         A process died.
     """
-    parameters, span = cut.request.parameters, stages.stopwatch.span
+    parameters, span = plan.request.parameters, stages.stopwatch.span
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        of_truth, entries, found = make_shards(blocks, truths, estimates, share.entries)
+        of_truth, entries, pair_counts = make_shards(blocks, truths, estimates, share.entries)
         largest = int(entries.max(initial=0))
-        if not share.fits_component(largest, masked=cut.request.ignoring is not None):
-            stages.work_alone()
+        if not share.fits_component(largest, masked=plan.request.ignoring is not None):
+            stages.end_workers()
         folders = _shuffle(work, blocks, (truths, estimates), of_truth, len(entries), stages)
     with span("solve/sweeps"):
-        stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
-        solved = _solve(cut.request, work, folders, entries, stages)
+        stages.expect(parameters, (int(truths.evaluated.sum()), int(estimates.evaluated.sum())))
+        solved = _solve(plan.request, work, folders, entries, stages)
     stages.end()
     with span("certify"):
-        sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
-        assigned += found_in(solved, "assigned.npy")
+        sizes, assigned = (len(plan.times), len(truths.ids), len(estimates.ids)), []
+        assigned += existing_files(solved, "assigned.npy")
         pieces = _beside(work, blocks, (truths, estimates), assigned)
-        beside, nees = sums_beside(pieces, sizes, len(cut.sides[0].columns))
-        fixed = constants(cut.request, cut.sides[0].columns, blocks)
+        beside, nees = sums_beside(pieces, sizes, len(plan.sides[0].columns))
+        fixed = constants(plan.request, plan.sides[0].columns, blocks)
         proof, objects, (ignored, excused), iterations = add_up(
-            solved, blocks, len(cut.times), fixed, parameters
+            solved, blocks, len(plan.times), fixed, parameters
         )
         unjudged = None
         if ignored.any() or excused.any():
-            absorbed = _absorbed(assigned, len(cut.times))
+            absorbed = _absorbed(assigned, len(plan.times))
             unjudged = Unjudged(ignored=ignored, excused=excused, absorbed=absorbed)
         track_costs = tuple(
             _track_costs(solved, name, tracks, price)
@@ -535,7 +535,7 @@ def evaluate_parts(
         unjudged=unjudged,
         tracks=(truths, estimates),
         track_costs=track_costs,
-        sizes=found,
+        sizes=pair_counts,
         folders=solved,
         assigned=assigned,
         beside=beside,
@@ -573,9 +573,9 @@ def _shuffle(
 def _beside(
     work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
 ) -> Iterator[NDArray[np.void]]:
-    """The assigned pairs of each range of steps with what is beside their cost, if anything is.
+    """Yield the assigned pairs of each range of steps with the values beside their cost, if any.
 
-    They are written as well, each in the place of what is in `assigned`.
+    They are written as well, and their files replace those in `assigned`.
     """
     if not any((block.folder / BESIDE).exists() for block in blocks):
         return
@@ -583,10 +583,10 @@ def _beside(
     assigned.clear()
     folder.mkdir(exist_ok=True)
     for k, block in enumerate(blocks):
-        found = looked_up(block, [np.load(side.numbers[k]) for side in numbers], pieces)
+        rows = looked_up(block, [np.load(side.numbers[k]) for side in numbers], pieces)
         assigned.append(folder / f"{k:08d}.npy")
-        np.save(assigned[-1], found)
-        yield found
+        np.save(assigned[-1], rows)
+        yield rows
 
 
 def _solve(
@@ -596,7 +596,7 @@ def _solve(
     entries: Ints,
     stages: Stages,
 ) -> list[Path]:
-    """Folders with what the shards contribute."""
+    """Solve all shards, and return their folders."""
     solver, parameters = request.solver, request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit

@@ -36,7 +36,7 @@ PENDING = 1 << 22
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moments:
+class Timestamps:
     """Distinct times of some rows.
 
     Parameters
@@ -60,50 +60,50 @@ class Moments:
     source: str
 
 
-NO_MOMENTS = Moments(
+NO_TIMESTAMPS = Timestamps(
     value=np.zeros(0, np.int64),
     count=np.zeros(0, np.int64),
     clock="number",
     label=None,
     source="",
 )
-"""Of no rows."""
+"""Timestamps of no rows."""
 
 
-def moments_of(times: Times, source: str) -> Moments:
-    """The distinct times of rows that are in the order of their file."""
+def timestamps_of(times: Times, source: str) -> Timestamps:
+    """Return the distinct times of rows that are in the order of their file."""
     value, label = times.value, None
     if times.text is None and (value[1:] >= value[:-1]).all():  # as most programs write them
         begins = np.flatnonzero(np.append(True, value[1:] > value[:-1])[: len(value)])
         count = np.diff(np.append(begins, len(value)))
         begun = value[begins]
-        return Moments(value=begun, count=count, clock=times.clock, label=None, source=source)
-    found, first, count = np.unique(value, return_index=True, return_counts=True)
+        return Timestamps(value=begun, count=count, clock=times.clock, label=None, source=source)
+    distinct, first, count = np.unique(value, return_index=True, return_counts=True)
     if times.text is not None:
         texts = [times.text[row].strip().encode() for row in first.tolist()]
         label = np.array(texts, dtype=np.bytes_)
-    found = cast(TimeArray, found)
-    return Moments(value=found, count=count, clock=times.clock, label=label, source=source)
+    distinct = cast(TimeArray, distinct)
+    return Timestamps(value=distinct, count=count, clock=times.clock, label=label, source=source)
 
 
-def merged_moments(parts: Iterable[Moments]) -> Moments:
-    """The distinct times of all parts, given in the order of the files.
+def merged_timestamps(parts: Iterable[Timestamps]) -> Timestamps:
+    """Return the distinct times of all parts, given in the order of the files.
 
     Raises
     ------
     InputError
         They are of several kinds.
     """
-    whole = NO_MOMENTS
+    whole = NO_TIMESTAMPS
     for some in in_batches(parts, lambda part: len(part.value), PENDING):
         whole = _merged([whole, *some])
     return whole
 
 
-def _merged(given: Sequence[Moments]) -> Moments:
+def _merged(given: Sequence[Timestamps]) -> Timestamps:
     filled = [part for part in given if len(part.value)]
     if len(filled) < 2:
-        return filled[0] if filled else NO_MOMENTS
+        return filled[0] if filled else NO_TIMESTAMPS
     first = filled[0]
     for part in filled:
         if part.clock != first.clock:
@@ -117,7 +117,7 @@ def _merged(given: Sequence[Moments]) -> Moments:
     value = value[order]
     begins = np.flatnonzero(np.append(True, value[1:] > value[:-1]))
     labels = [part.label for part in filled if part.label is not None]
-    return Moments(
+    return Timestamps(
         value=value[begins],
         count=np.add.reduceat(count[order], begins),
         clock=first.clock,
@@ -127,7 +127,7 @@ def _merged(given: Sequence[Moments]) -> Moments:
 
 
 def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
-    """Times of several sources, one after the other: integers, or doubles if some are.
+    """Concatenate times of several sources: integers, or doubles if some are.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
 
 
 def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
-    """Rows of parts with the same columns, one after the other; `name` is that of the whole."""
+    """Concatenate rows of parts with the same columns; `name` is that of the whole."""
     ends = list(accumulate(len(part.times.value) for part in parts))
     roles = parts[0].roles
     numbers = np.empty((ends[-1], len(roles.numbers)), order="F")
@@ -178,23 +178,23 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
 
 
 def joined(parts: Sequence[Values]) -> Values:
-    """Attributes of several parts: numbers, or texts if some are; the numbers are missing then."""
+    """Concatenate attributes: numbers, or texts if some are, with blanks in place of numbers."""
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
     return cast(Values, np.concatenate(parts))
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """With all that is asked for beside columns of numbers, times as they were read."""
+    """Return rows with all requested attributes that are not columns of numbers."""
     size, columns = len(rows.times.value), rows.roles.attributes
-    found = checked(attributes_of(rows, np.arange(size)), size)
-    others = {columns[name]: values for name, values in found.items()}
-    others = {at: values for at, values in others.items() if at not in rows.roles.numbers}
-    return replace(rows, attributes=others)
+    attributes = checked(attributes_of(rows, np.arange(size)), size)
+    by_column = {columns[name]: values for name, values in attributes.items()}
+    by_column = {at: values for at, values in by_column.items() if at not in rows.roles.numbers}
+    return replace(rows, attributes=by_column)
 
 
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
-    """Names in natural order, those that occur, and the number of each row's."""
+    """Return the names that occur, in natural order, and the number of each row's name."""
     if len(parts) == 1:
         return parts[0]
     names: list[str] = []
@@ -223,25 +223,25 @@ def write_runs(
         if len(rows.times.value)
     )
     with writing_folder(output) as folder:
-        runs = in_batches(read, lambda found: len(found[0].times.value), rows_together)
+        runs = in_batches(read, lambda part: len(part[0].times.value), rows_together)
         for number, run in enumerate(runs):
             _write(folder / str(number), run)
 
 
 def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
-    """Write a run and which times it has.
+    """Write a run and its timestamps.
 
     Parameters
     ----------
     folder : Path
-        That is made.
+        The folder to make.
     run : sequence of tuple
         Consecutive rows, the number of the first among those of its piece, and the piece.
     """
     parts = [rows for rows, _, _ in run]
     begins = accumulate((len(rows.times.value) for rows in parts), initial=0)
     folder.mkdir()
-    found = merged_moments(moments_of(part.times, part.name) for part in parts)
+    timestamps = merged_timestamps(timestamps_of(part.times, part.name) for part in parts)
     rows = merged_rows(parts[0].name, parts)
     order = np.argsort(rows.times.value, kind="stable")
     columns = {"time": rows.times.value, "id": rows.ids[1].astype(np.int32), "place": None}
@@ -264,18 +264,18 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
         "class": None if rows.classes is None else rows.classes[0].tolist(),
         "attributes": texts,
         "kinds": {name: sorted({_kind(part, name) for part in parts}) for name in texts},
-        "clock": found.clock,
+        "clock": timestamps.clock,
         "origins": [
             (begin, first, [vars(piece.file), piece.begin, piece.end, piece.text])
             for begin, (_, first, piece) in zip(begins, run, strict=False)
         ],
     }
     (folder / "run.json").write_text(json.dumps(known), encoding="utf-8")
-    np.savez(folder / "moments.npz", **{k: v for k, v in vars(found).items() if v is not None})
+    np.savez(folder / "moments.npz", **{k: v for k, v in vars(timestamps).items() if v is not None})
 
 
 def _kind(rows: Rows, name: str) -> str:
-    """What an attribute has, numbers or texts; blank where all are missing."""
+    """Return whether an attribute has "numbers" or "texts"; "" where all are missing."""
     values = rows.attributes[rows.roles.attributes[name]]
     if values.dtype.kind != "f":
         return "texts"
@@ -283,7 +283,7 @@ def _kind(rows: Rows, name: str) -> str:
 
 
 def run_names(folders: Iterable[Path], name: str) -> list[str]:
-    """Classes of all runs of a side, in natural order; those without any are passed over.
+    """Return the classes of all runs of a side, in natural order.
 
     Raises
     ------
@@ -295,10 +295,10 @@ def run_names(folders: Iterable[Path], name: str) -> list[str]:
     for folder in folders:
         known = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         classes.update(known["class"] or ())
-        for attribute, found in known["kinds"].items():
-            kinds.setdefault(attribute, set()).update(found)
-    for attribute, found in kinds.items():
-        if {"numbers", "texts"} <= found:
+        for attribute, present in known["kinds"].items():
+            kinds.setdefault(attribute, set()).update(present)
+    for attribute, present in kinds.items():
+        if {"numbers", "texts"} <= present:
             raise InputError(
                 f"{name}, column {quoted(attribute)}: some parts have numbers alone and some have "
                 "texts, so they are not compared alike; write texts that are no numbers, or "
@@ -307,17 +307,17 @@ def run_names(folders: Iterable[Path], name: str) -> list[str]:
     return sorted(classes, key=natural)
 
 
-def run_moments(folder: Path) -> Moments:
-    """Which times a run has."""
-    with np.load(folder / "moments.npz") as found:
-        texts = {name: str(found[name]) for name in ("clock", "source")}
-        return Moments(**{"label": None, **found, **texts})
+def run_timestamps(folder: Path) -> Timestamps:
+    """Read the timestamps of a run."""
+    with np.load(folder / "moments.npz") as arrays:
+        texts = {name: str(arrays[name]) for name in ("clock", "source")}
+        return Timestamps(**{"label": None, **arrays, **texts})
 
 
 def run_rows(
     folder: str, span: tuple[int | float, int | float], roles: Roles, options: ReadOptions
 ) -> Rows | None:
-    """Rows of a run in a range of time, or None of none.
+    """Read the rows of a run in a range of time; return None if there are none.
 
     Parameters
     ----------
@@ -333,12 +333,12 @@ def run_rows(
     path = Path(folder)
 
     def column(name: str) -> Ints:
-        found: Ints = np.load(path / f"{name}.npy", mmap_mode="r")
-        return found
+        array: Ints = np.load(path / f"{name}.npy", mmap_mode="r")
+        return array
 
     times: TimeArray = np.load(path / "time.npy", mmap_mode="r")
     low, high = span
-    if times.dtype.kind == "i":  # numbers of another type would have all times converted
+    if times.dtype.kind == "i":  # a bound of another type would convert all times
         low, high = math.ceil(low), math.floor(high)
     begin = int(np.searchsorted(times, low, side="left"))
     end = int(np.searchsorted(times, high, side="right"))
@@ -356,9 +356,9 @@ def run_rows(
         return piece.where(first + at - start, options)
 
     def table(texts: Sequence[str]) -> NDArray[np.object_]:
-        found = np.empty(len(texts), dtype=object)
-        found[:] = texts
-        return found
+        array = np.empty(len(texts), dtype=object)
+        array[:] = texts
+        return array
 
     def numbered(name: str) -> Numbered:
         return table(known[name]), column(name)[begin:end].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Blocks of time: the steps of both sides, what is read for each, its near pairs and objects."""
+"""Blocks of time: their steps, the rows that are read for them, near pairs and objects."""
 
 import itertools
 import json
@@ -35,20 +35,20 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def read_times(side: PartsSide, span: slice) -> Reading:
-    """The rows at some of the times of a side, which may be none."""
+    """Read the rows at some of the times of a side, which may be none."""
     times = side.times[span]
     return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
 
 def places(times: Times, first: float, last: float) -> slice:
-    """Where times from one to another are, both included."""
+    """Return the slice of the times from `first` to `last`, both included."""
     begin = int(np.searchsorted(times, first, side="left"))
     return slice(begin, int(np.searchsorted(times, last, side="right")))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockPiece:
-    """Some steps, and what is read for them.
+    """Consecutive steps, and the times of both sides that are read for them.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class BlockPiece:
     sides : pair of PartsSide
         Truth and estimate.
     spans : pair of slice
-        Which of their times are read.
+        The range of their times that is read.
     step : pair of int arrays
-        Which step of the block each of these is, -1 for none.
+        Step in the block of each of these, -1 for none.
     """
 
     low: int
@@ -71,18 +71,20 @@ class BlockPiece:
     step: tuple[Ints, ...]
 
     def read(self) -> tuple[Reading, Reading]:
-        """The rows of truth and estimate."""
+        """Read the rows of truth and estimate."""
         first, second = map(read_times, self.sides, self.spans)
         return first, second
 
-    def at(self, which: int, found: Trajectories) -> tuple[Trajectories, int]:
-        """The rows of a side that are at steps, and how many they are."""
+    def at(self, which: int, trajectories: Trajectories) -> tuple[Trajectories, int]:
+        """Return the rows of a side that are at steps, and their number."""
         step = self.step[which]
         on = step >= 0
-        place, there = find_times(found.times, self.sides[which].times[self.spans[which]][on])
-        rows = np.flatnonzero(there[found.step])
-        step = step[on][place[found.step[rows]]]
-        return found.chosen(rows, step, self.times), len(rows)
+        place, there = find_times(
+            trajectories.times, self.sides[which].times[self.spans[which]][on]
+        )
+        rows = np.flatnonzero(there[trajectories.step])
+        step = step[on][place[trajectories.step[rows]]]
+        return trajectories.chosen(rows, step, self.times), len(rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,9 +98,9 @@ class BlockPlan:
     sides : pair of PartsSide
         Truth and estimate.
     step : pair of int arrays
-        Which step each of their times is, -1 for none.
+        Step of each of their times, -1 for none.
     request : EvaluationRequest
-        What is asked.
+        The request.
     names : pair of str
         The sides, for messages.
     """
@@ -111,41 +113,41 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Rows of both at each step (T,), those between it and the next as well."""
+        """Number of rows of both at each step (T,), with those between it and the next."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
-            for side, moments in zip(self.sides, self.moments, strict=True):
-                inside = places(moments, self.times[0], self.times[-1])
-                at = np.searchsorted(self.times, moments[inside], side="right") - 1
+            for side, timestamps in zip(self.sides, self.timestamps, strict=True):
+                inside = places(timestamps, self.times[0], self.times[-1])
+                at = np.searchsorted(self.times, timestamps[inside], side="right") - 1
                 np.add.at(rows, at, side.counts[inside])
         return rows
 
     @cached_property
-    def moments(self) -> tuple[Times, ...]:
-        """Times of both, each in the order in which they and the steps are."""
-        found = []
+    def timestamps(self) -> tuple[Times, ...]:
+        """Times of both sides; those that are steps are equal to the times of the steps."""
+        of_sides = []
         for side, step in zip(self.sides, self.step, strict=True):
-            moments = side.times.astype(np.result_type(side.times, self.times))
-            moments[step >= 0] = self.times[step[step >= 0]]
-            found.append(moments)
-        return tuple(found)
+            timestamps = side.times.astype(np.result_type(side.times, self.times))
+            timestamps[step >= 0] = self.times[step[step >= 0]]
+            of_sides.append(timestamps)
+        return tuple(of_sides)
 
-    def pieces(self, most: int) -> Iterator[BlockPiece]:
-        """All steps, and all stamps of either side, in pieces of about so many rows."""
-        moments = np.unique(np.concatenate((*self.moments, self.times)))
-        rows = np.zeros(len(moments), np.int64)
-        for side, own in zip(self.sides, self.moments, strict=True):
-            rows[np.searchsorted(moments, own)] += side.counts
-        for begin, end in itertools.pairwise(stretches(rows, most).tolist()):
-            yield self._between(moments[begin].item(), moments[end - 1].item())
+    def pieces(self, max_rows: int) -> Iterator[BlockPiece]:
+        """Yield all steps and all timestamps of both sides in pieces of about `max_rows` rows."""
+        timestamps = np.unique(np.concatenate((*self.timestamps, self.times)))
+        rows = np.zeros(len(timestamps), np.int64)
+        for side, own in zip(self.sides, self.timestamps, strict=True):
+            rows[np.searchsorted(timestamps, own)] += side.counts
+        for begin, end in itertools.pairwise(stretches(rows, max_rows).tolist()):
+            yield self._between(timestamps[begin].item(), timestamps[end - 1].item())
 
     def piece(self, low: int, high: int) -> BlockPiece:
-        """What is read for these steps."""
+        """Return the piece of some steps."""
         return self._between(self.times[low].item(), self.times[high - 1].item())
 
     def _between(self, first: float, last: float) -> BlockPiece:
         steps = places(self.times, first, last)
-        spans = tuple(places(moments, first, last) for moments in self.moments)
+        spans = tuple(places(timestamps, first, last) for timestamps in self.timestamps)
         return BlockPiece(
             low=steps.start,
             times=self.times[steps],
@@ -159,10 +161,10 @@ class BlockPlan:
 
 
 # -------------------------------------------------------------------------------------------------
-# The steps of both sides, from their stamps alone.
+# The steps of both sides, from their timestamps.
 
 STAMP = "stamp"
-"""The attribute of stamps that are rows: their numbers."""
+"""Attribute of timestamps that are rows: their numbers."""
 
 
 def find_steps(
@@ -171,7 +173,7 @@ def find_steps(
     request: EvaluationRequest,
     names: tuple[str, str],
 ) -> tuple[Axis, Alignment, BlockPlan]:
-    """How the stamps of both sides came to the steps, the same aligned, and the rows along them.
+    """Return the axis, the alignment of both sides' timestamps, and the plan of the blocks.
 
     Parameters
     ----------
@@ -180,7 +182,7 @@ def find_steps(
     clocks : pair of Trajectories
         What `clock_of` makes of them.
     request : EvaluationRequest
-        What is asked.
+        The request.
     names : pair of str
         The sides, for messages.
 
@@ -211,7 +213,7 @@ def find_steps(
 
 
 def clock_of(side: PartsSide) -> Trajectories:
-    """The stamps of a side as a track that has a row at each, and nothing else."""
+    """Return the timestamps of a side as a track that has a row at each."""
     size = len(side.times)
     return Trajectories(
         step=np.arange(size, dtype=np.int32),
@@ -227,7 +229,7 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Which step each stamp of a side is, from what `clock_of` became."""
+    """Return the step of each timestamp of a side, -1 for none, from the aligned `clock_of`."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
@@ -241,7 +243,7 @@ PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
-    """Both sides of a block on its steps, and how many of their rows are there."""
+    """Return both sides of a block on its steps, and the numbers of their rows."""
     truth, estimate = (piece.at(which, side) for which, side in enumerate(sides))
     axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
     return fit(*sides, request, names, lambda _: axis), (truth[1], estimate[1])
@@ -249,7 +251,7 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scanned:
-    """What is known of a block beside its entries.
+    """Facts about a block beside its entries.
 
     Parameters
     ----------
@@ -258,7 +260,7 @@ class Scanned:
     objects : pair of (L,) int arrays
         Truths and estimates at each step.
     unjudged : pair of (L,) int arrays
-        How many of these are not judged.
+        How many of these are not evaluated.
     near : int
         Pairs of tracks that come near each other.
     slack : float
@@ -284,7 +286,7 @@ class Scanned:
     folder: Path
 
     def read(self, name: str) -> NDArray[Any]:
-        """An array that grows with the tracks, read anew each time.
+        """Read an array that grows with the tracks, and is not kept in memory.
 
         They are ``"pairs"``, tracks that come near each other (PAIR); and of either role
         ``"truth_ids"``, the tracks that have a row (k,), how many rows they have,
@@ -297,34 +299,34 @@ class Scanned:
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
         """Read what `scan` wrote."""
-        with np.load(folder / "block.npz") as found:
+        with np.load(folder / "block.npz") as arrays:
             both = {
-                name: (found[f"truth_{name}"], found[f"estimate_{name}"])
+                name: (arrays[f"truth_{name}"], arrays[f"estimate_{name}"])
                 for name in ("objects", "unjudged")
             }
             return cls(
                 **both,
-                first=int(found["first"]),
-                near=int(found["near"]),
+                first=int(arrays["first"]),
+                near=int(arrays["near"]),
                 folder=folder,
-                slack=float(found["slack"]),
-                blur=float(found["blur"]),
-                at_cutoff=int(found["at_cutoff"]),
-                counting=tuple(json.loads(str(found["counting"]))),
+                slack=float(arrays["slack"]),
+                blur=float(arrays["blur"]),
+                at_cutoff=int(arrays["at_cutoff"]),
+                counting=tuple(json.loads(str(arrays["counting"]))),
             )
 
 
 BESIDE = "beside.npz"
-"""In the folder of a range, what its near pairs have beside their cost, if anything."""
+"""File of a block with the values that its near pairs have beside their cost, if any."""
 
 READ = "read.json"
-"""In the folder of a block, what is known of the rows that were read: a record for each side."""
+"""File of a block with facts about the rows that were read: a record for each side."""
 
 
 def scan(
     output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str]
 ) -> None:
-    """Read a block and write what it has.
+    """Read a block, and write its near pairs and facts.
 
     Parameters
     ----------
@@ -333,7 +335,7 @@ def scan(
     piece : BlockPiece
         Which steps, and what is read of truth and estimate.
     request : EvaluationRequest
-        What is asked.
+        The request.
     names : pair of str
         The sides, for messages.
 
@@ -361,7 +363,7 @@ def scan(
 
 
 def _write_block(folder: Path, low: int, fitted: AlignedPair, request: EvaluationRequest) -> None:
-    """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
+    """Write the near pairs of the steps from number `low`, and the fields of `Scanned`."""
     near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
@@ -372,7 +374,7 @@ def _write_block(folder: Path, low: int, fitted: AlignedPair, request: Evaluatio
     entry["cost"], entry["marks"] = problem.powers(slice(None)), marks_of(problem, slice(None))
     pairs = _pairs(entry, len(aligned[1].ids))
     unjudged, is_empty = near.unjudged, not len(problem.truth_step) + len(problem.estimate_step)
-    found: dict[str, object] = {
+    arrays: dict[str, object] = {
         "first": low,
         "near": len(pairs),
         "pairs": pairs,
@@ -383,22 +385,19 @@ def _write_block(folder: Path, low: int, fitted: AlignedPair, request: Evaluatio
     }
     masks: tuple[Mask | slice, Mask | slice] = unjudged or (slice(0), slice(0))
     for role, side, mask in zip(("truth", "estimate"), aligned, masks, strict=True):
-        found[f"{role}_objects"] = np.bincount(side.step, minlength=len(side.times))
-        found[f"{role}_ids"] = side.ids.astype(np.str_)
-        found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
-        found[f"{role}_unjudged"] = np.bincount(side.step[mask], minlength=len(side.times))
-        found[f"{role}_unjudged_rows"] = np.bincount(side.track[mask], minlength=len(side.ids))
+        arrays[f"{role}_objects"] = np.bincount(side.step, minlength=len(side.times))
+        arrays[f"{role}_ids"] = side.ids.astype(np.str_)
+        arrays[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
+        arrays[f"{role}_unjudged"] = np.bincount(side.step[mask], minlength=len(side.times))
+        arrays[f"{role}_unjudged_rows"] = np.bincount(side.track[mask], minlength=len(side.ids))
     np.save(folder / "entries.npy", entry)
     if beside:
         np.savez(folder / BESIDE, **beside)  # type: ignore[arg-type]
-    np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
+    np.savez(folder / "block.npz", **arrays)  # type: ignore[arg-type]
 
 
 def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
-    """The near pairs of a block, and their problem.
-
-    And of each near pair what the table of assignments has beside its cost.
-    """
+    """Return near pairs, their problem, and the values that each pair has beside its cost."""
     aligned, parameters = sides.alignment, request.parameters
     near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Resources(jobs=1))
     problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
@@ -411,15 +410,15 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
         entries,
         (problem.truth_row[entries], problem.estimate_row[entries]),
     )
-    told = aligned.truth.reduced_to(request.kinds), aligned.estimate.reduced_to(request.kinds)
-    spread = told[1].spread
+    reduced = aligned.truth.reduced_to(request.kinds), aligned.estimate.reduced_to(request.kinds)
+    spread = reduced[1].spread
     if spread is not None:
         from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: as in memory
 
-        periods = periods_in(distance, told[0].columns)
-        spreads = told[0].spread, spread
-        beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
-        if unjudged is not None:  # nobody is judged by an ignored truth
+        periods = periods_in(distance, reduced[0].columns)
+        spreads = reduced[0].spread, spread
+        beside[NEES] = nees_of((reduced[0].state, reduced[1].state), spreads, rows, periods)
+        if unjudged is not None:  # an ignored truth tells nothing about errors
             beside[NEES][unjudged[0][rows[0]]] = np.nan
     return near, problem, beside
 
@@ -428,22 +427,22 @@ def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
     key, entries = np.unique(
         entry["truth"].astype(np.int64) * max(width, 1) + entry["estimate"], return_counts=True
     )
-    found = np.empty(len(key), PAIR)
-    found["truth"], found["estimate"] = np.divmod(key, max(width, 1))
-    found["entries"] = entries
-    return found
+    pairs = np.empty(len(key), PAIR)
+    pairs["truth"], pairs["estimate"] = np.divmod(key, max(width, 1))
+    pairs["entries"] = entries
+    return pairs
 
 
 def constants(
     request: EvaluationRequest, columns: tuple[str, ...], blocks: Sequence[Scanned]
 ) -> Problem:
-    """A problem without entries that has the constants of the whole: errors, rounding."""
+    """Return a problem without entries that has the constants of the whole: errors, rounding."""
     parameters, none = request.parameters, np.zeros(0, np.int32)
     nothing = Trajectories.of_times(np.zeros(0), columns, "number")
     pairs = Pairs(truth_row=none, estimate_row=none, distance=np.zeros(0))
     near = NearPairs(sides=(nothing, nothing), distance=request.distance, pairs=pairs)
     problem = near.problem(parameters)
-    objects = sum(int(found.sum()) for block in blocks for found in block.objects)
+    objects = sum(int(counts.sum()) for block in blocks for counts in block.objects)
     blur = min((block.blur for block in blocks), default=np.inf) / parameters.cutoff
     return replace(
         problem,

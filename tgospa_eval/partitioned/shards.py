@@ -1,4 +1,4 @@
-"""A shard: some components as a problem of their own, solved, proven, and what it contributes."""
+"""Shards: components as a problem of their own, solved and proven, and what it contributes."""
 
 import math
 import time
@@ -24,7 +24,7 @@ from tgospa_eval.solvers.certified import Certified
 ENTRY = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
 )
-"""A near pair: global numbers of step and tracks, (d / c)^p, and which of it is not judged."""
+"""A near pair: global numbers of step and tracks, (d / c)^p, and marks of ignored states."""
 
 IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
 """Bits of marks: see `problem.metric_family.ignore_states`."""
@@ -34,10 +34,10 @@ Table = NDArray[np.void]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartialSums(Breakdown):
-    """What some components contribute from a step on: a breakdown, and what is proven.
+    """Contribution of some components from a step on: a breakdown and a lower bound.
 
-    Objects are the rows (track and step) that have a near pair in these components, no others, and
-    of these those that are judged.
+    Objects are the rows (track and step) that have a near pair in these components and are
+    evaluated.
 
     Parameters
     ----------
@@ -61,24 +61,24 @@ class PartialSums(Breakdown):
     solved: bool = True
 
     def save(self, path: Path) -> None:
-        """Write it."""
+        """Write the sums into a file."""
         np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod
     def load(cls, path: Path) -> "PartialSums":
         """Read what `save` wrote."""
-        with np.load(path) as found:
-            values = {name: found[name] for name in found.files}
+        with np.load(path) as arrays:
+            values = {name: arrays[name] for name in arrays.files}
         return cls(**{k: v.item() if v.ndim == 0 else v for k, v in values.items()})
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Both bounds, rounded to the nearest, for those who watch."""
+        """Both bounds, rounded to the nearest, for progress."""
         return math.fsum(self.lower), self.total
 
 
 PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
-"""What is known of each track, as `problem.solution.PerTrack` has it."""
+"""Fields of `problem.solution.PerTrack`."""
 
 
 def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
@@ -91,7 +91,7 @@ def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) ->
 
 
 def load_part(folder: Path, name: str, part: int | None = None) -> Table:
-    """One part of a table, or all."""
+    """Read one part of a table, or all."""
     table = np.load(folder / f"{name}.npy", mmap_mode="r")
     if part is None:
         return np.array(table)
@@ -127,7 +127,7 @@ def sort_entries(
 
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
-"""A near pair that is assigned, and how much of it."""
+"""A near pair that is assigned, and its weight."""
 
 SWITCHED = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
@@ -136,7 +136,7 @@ SWITCHED = np.dtype(
 
 
 NO_TIME = 1e-3
-"""Seconds in which nothing but a bracket is found."""
+"""Seconds that suffice for a bracket, and for no more."""
 
 
 def solve_shard(
@@ -178,8 +178,8 @@ def solve_shard(
     share = PartialSums(
         **vars(breakdown),
         first=first,
-        truths=judged_at_steps(problem, 0),
-        estimates=judged_at_steps(problem, 1),
+        truths=evaluated_at_steps(problem, 0),
+        estimates=evaluated_at_steps(problem, 1),
         lower=np.concatenate((lower, unpaired_prices(states))),
         iterations=solution.iterations,
         solved=solution.finished,
@@ -187,7 +187,7 @@ def solve_shard(
     tracks = [
         {
             "track": numbers[side],
-            "rows": judged_rows(objects),
+            "rows": evaluated_rows(objects),
             **vars(read_tracks(states, weights, side)),
         }
         for side, objects in enumerate(problem.sides)
@@ -200,19 +200,19 @@ def solve_shard(
         share.save(folder / "share.npz")
 
 
-def judged_at_steps(problem: Problem, side: int) -> Ints:
-    """How many objects of a side are judged at each step."""
+def evaluated_at_steps(problem: Problem, side: int) -> Ints:
+    """Count the objects of a side that are evaluated at each step."""
     objects = problem.sides[side]
     return np.bincount(objects.step[objects.evaluated], minlength=problem.steps)
 
 
-def judged_rows(side: Objects) -> Ints:
-    """How many rows of each track are judged."""
+def evaluated_rows(side: Objects) -> Ints:
+    """Count the rows of each track that are evaluated."""
     return np.bincount(side.track[side.evaluated], minlength=side.count)
 
 
 def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
-    """The marks of some entries."""
+    """Return the marks of some entries."""
     marks = np.zeros(len(problem.cost), np.uint8)[entry]
     if problem.unjudged is not None:
         ignored, excused = problem.unjudged
@@ -224,7 +224,7 @@ def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
 def problem_of(
     entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
-    """Entries as a problem of their own, whose objects are those that have an entry.
+    """Return entries as a problem of their own, whose objects are those that have an entry.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def problem_of(
 def tables_of(
     states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
 ) -> dict[str, Table]:
-    """The assignment with global numbers, by the names of the files."""
+    """Return the assignment with global numbers, by the names of the files."""
     truths, estimates = numbers
     used = read_assigned(states, weights)
     assigned = np.empty(len(used.step), ASSIGNED_PAIR)

@@ -45,12 +45,12 @@ from tgospa_eval.partitioned.files import (
     state_of,
 )
 from tgospa_eval.partitioned.runs import (
-    Moments,
-    merged_moments,
+    Timestamps,
     merged_rows,
-    run_moments,
+    merged_timestamps,
     run_names,
     run_rows,
+    run_timestamps,
     write_runs,
 )
 from tgospa_eval.partitioned.tasks import Run, Task
@@ -59,9 +59,9 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
-"""Of a text, about: less, and there are more runs; more, and they are larger."""
+"""Assumed length of a line of text: if lines are longer, runs have fewer rows."""
 
-LEAST_TEXT, MOST_TEXT = 1 << 12, 1 << 26
+MIN_TEXT, MAX_TEXT = 1 << 12, 1 << 26
 """Bytes of text that are read at once."""
 
 PACKED_TO = 8
@@ -69,7 +69,7 @@ PACKED_TO = 8
 
 
 def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
-    """Which column is what in a file.
+    """Return the roles of the columns of a file.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def index_side(
     name: str,
     run: Run,
 ) -> None:
-    """Sort the rows of all files into runs, and write which steps there are.
+    """Sort the rows of all files into runs, and write the steps.
 
     Parameters
     ----------
@@ -133,22 +133,22 @@ def index_side(
     ]
     ends: list[tuple[int | float, int | float]] = []
 
-    def gathered() -> Iterator[Moments]:
+    def gathered() -> Iterator[Timestamps]:
         for folder in runs:
-            found = run_moments(folder)
-            ends.append((found.value[0].item(), found.value[-1].item()))
-            yield found
+            times = run_timestamps(folder)
+            ends.append((times.value[0].item(), times.value[-1].item()))
+            yield times
 
-    moments = merged_moments(gathered())
+    timestamps = merged_timestamps(gathered())
     looked_at = options.by_class or options.attributes or options.classes is not None
     with writing_folder(str(store / "steps")) as folder:
         known = {
             "runs": [str(run.relative_to(store)) for run in runs],
             "ends": ends,
-            "clock": moments.clock,
-            "rows": int(moments.count.sum()),
+            "clock": timestamps.clock,
+            "rows": int(timestamps.count.sum()),
             "classes": run_names(runs, name) if looked_at else [],
-            **_save_steps(moments, options, folder, name),
+            **_save_steps(timestamps, options, folder, name),
         }
         (folder / "index.json").write_text(json.dumps(known), encoding="utf-8")
 
@@ -158,7 +158,7 @@ def table_pieces(
     options: ReadOptions,
     rows_together: int,  # noqa: ARG001  (as `text_pieces`)
 ) -> list[tuple[FilePiece, int]]:
-    """The row groups of Parquet files that have rows, and how many."""
+    """Return the row groups of Parquet files that have rows, and how many each has."""
     pieces = []
     first = side_roles("parquet", files[0], options)
     for file in files:
@@ -174,8 +174,8 @@ def table_pieces(
 def text_pieces(
     files: Sequence[File], options: ReadOptions, rows_together: int
 ) -> list[tuple[FilePiece, int]]:
-    """Stretches of CSV files, and about how many rows each has."""
-    size = min(max(rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
+    """Return stretches of CSV files, and about how many rows each has."""
+    size = min(max(rows_together * BYTES_OF_LINE, MIN_TEXT), MAX_TEXT)
     pieces = []
     first = side_roles("csv", files[0], options)
     for file in files:
@@ -194,12 +194,12 @@ def text_pieces(
 
 
 def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
-    """Whether a file has the columns of the first.
+    """Check that a file has the columns of the first file.
 
     Raises
     ------
     InputError
-        It has others.
+        It has other columns.
     """
     if columns_in_use(roles) == columns_in_use(first):
         return
@@ -211,14 +211,14 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
 
 
 def columns_in_use(roles: Roles) -> list[str]:
-    """Headers of all that is read, in an order that is not that of the file."""
+    """Return the headers of all columns that are read, in an order of their own."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
     return [roles.headers[column] for column in (*columns, *roles.numbers, *roles.texts)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSteps:
-    """Steps of a side within the range of time that is asked for, and what they are read of.
+    """Steps of a side within the requested range of time, and the runs that have their rows.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class SideSteps:
     rows : int
         Rows of all files.
     classes : list of str
-        Of these, where they are asked for or what is not judged may depend on them.
+        Classes of the rows, where they are requested or decide what is ignored.
     left_out : dict of str to int
         How many of them --time leaves out, by its rule.
     runs : list of str
@@ -260,46 +260,46 @@ class SideSteps:
     ends: Floats | Ints
 
     def read_as(self, time: float) -> str | float:
-        """What the files have for a time."""
+        """Return a time as the files have it."""
         at = int(np.searchsorted(self.times, time))
         read: str | float = self.raw[at].item() if self.texts is None else self.texts[at].decode()
         return read
 
 
 def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
-    """Texts as Python has them."""
+    """Decode UTF-8 texts."""
     return np.char.decode(texts, "utf-8").astype(object)
 
 
 def _save_steps(
-    moments: Moments, options: ReadOptions, folder: Path, name: str
+    timestamps: Timestamps, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, object]:
-    """Write the steps of a side into a folder; what else is to be known of them."""
-    labels = None if moments.label is None else decoded(moments.label)
-    times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
+    """Write the steps of a side into a folder, and return further facts about them."""
+    labels = None if timestamps.label is None else decoded(timestamps.label)
+    times, shown = options.conversion.times(timestamps.value, timestamps.clock, labels, name)
     inside = np.ones(len(times), bool)
     if options.time_range is not None:
-        inside = options.time_range.inside(times, moments.clock, name)
+        inside = options.time_range.inside(times, timestamps.clock, name)
     kept: dict[str, NDArray[np.generic]] = {
-        "raw": moments.value[inside],
+        "raw": timestamps.value[inside],
         "times": times[inside],
-        "counts": moments.count[inside],
+        "counts": timestamps.count[inside],
     }
-    if shown is not None and moments.label is not None:
+    if shown is not None and timestamps.label is not None:
         kept["labels"] = np.char.encode(shown[inside].astype(np.str_), "utf-8")
-        kept["texts"] = moments.label[inside]
+        kept["texts"] = timestamps.label[inside]
     for key, array in kept.items():
         np.save(folder / f"{key}.npy", array)
-    outside = int(moments.count[~inside].sum())
+    outside = int(timestamps.count[~inside].sum())
     return {
         "left_out": {"time": outside} if outside else {},
-        "converted": times is not moments.value,
+        "converted": times is not timestamps.value,
     }
 
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """What `index_side` wrote; arrays stay in their files.
+    """Read what `index_side` wrote; arrays stay in their files.
 
     Raises
     ------
@@ -329,12 +329,12 @@ def steps_of(store: str) -> SideSteps:
 
 
 KEY_DIGITS = 16
-"""Of the digest of files and options that names the folder of a side's index."""
+"""Digits of the digest of files and options that names the folder of a side's index."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartsSide:
-    """One side that is read in parts; it travels to whoever reads blocks.
+    """One side that is read in parts; it is sent to the processes that read blocks.
 
     Parameters
     ----------
@@ -351,7 +351,7 @@ class PartsSide:
     clock : {"number", "local", "zoned"}
         What the times are; without any, what those of the other side are.
     marked : callable, optional
-        Marks what is not judged of what was read.
+        Marks the ignored states among those that were read.
     """
 
     path: str
@@ -369,7 +369,7 @@ class PartsSide:
 
     @property
     def steps(self) -> SideSteps:
-        """Its steps within the range of time that is asked for."""
+        """Steps within the requested range of time."""
         return steps_of(self.store)
 
     @property
@@ -389,7 +389,7 @@ class PartsSide:
         return None if labels is None else decoded(labels)
 
     def read(self, first: float, last: float) -> Reading:
-        """Rows of the times from `first` to `last`, both included, and counts of those left out.
+        """Read the rows from time `first` to `last`, both included, and count those left out.
 
         Notices are left to `said`, which needs the counts of all blocks.
 
@@ -404,8 +404,8 @@ class PartsSide:
         if begin >= end:
             nothing = Trajectories.of_times(self.times[:0], self.columns, self.clock)
             return Reading(trajectories=nothing, rows=0, format=self.format)
-        found_rows = self._parts(steps.raw[begin].item(), steps.raw[end - 1].item())
-        rows = merged_rows(self.path, list(found_rows))
+        parts = self._parts(steps.raw[begin].item(), steps.raw[end - 1].item())
+        rows = merged_rows(self.path, list(parts))
         value = cast(TimeArray, rows.times.value.astype(steps.raw.dtype, copy=False))
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
@@ -419,24 +419,24 @@ class PartsSide:
             read_as=steps.read_as,
         )
         reading = assemble(rows, _settled(self.options), self.format)
-        found = reading.trajectories
-        if found.clouds is not None:
+        trajectories = reading.trajectories
+        if trajectories.clouds is not None:
             raise InputError(
                 f"{self.path}: rows repeat an (id, t) and there are weights, as of clouds of "
                 "particles, which are not read in parts; give one file that fits into memory, or "
                 "one row per object and step"
             )
         if steps.labels is not None:
-            found = _labelled(found, decoded(steps.labels[begin:end]))
-        reading = replace(reading, trajectories=found, notices=())
+            trajectories = _labelled(trajectories, decoded(steps.labels[begin:end]))
+        reading = replace(reading, trajectories=trajectories, notices=())
         if self.marked is None:
             return reading
-        found = self.marked(reading).trajectories
-        marks = {NOT_COUNTED: marks_of(found, NOT_COUNTED).astype(np.float64)}
-        return replace(reading, trajectories=replace(found, attributes=marks))
+        trajectories = self.marked(reading).trajectories
+        marks = {NOT_COUNTED: marks_of(trajectories, NOT_COUNTED).astype(np.float64)}
+        return replace(reading, trajectories=replace(trajectories, attributes=marks))
 
     def said(self, left_out: Mapping[str, int]) -> tuple[str, ...]:
-        """What the user should know when all blocks are read.
+        """Return notices about a side of which all blocks are read.
 
         Parameters
         ----------
@@ -459,7 +459,7 @@ class PartsSide:
         return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
-        """Whether the ids of all blocks are those of tracks.
+        """Check that the ids of all blocks are those of tracks.
 
         Raises
         ------
@@ -471,7 +471,7 @@ class PartsSide:
             raise InputError(only_detections(self.path))
 
     def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
-        """Rows of the runs in a range of time, in the order of the files."""
+        """Yield the rows of the runs in a range of time, in the order of the files."""
         steps = self.steps
         first, last = steps.ends.T
         for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
@@ -489,7 +489,7 @@ def open_side(
     rows_together: int,
     run: Run,
 ) -> PartsSide:
-    """Find out what a side has, and put its rows in order of time where they are not.
+    """Index a side: put its rows in order of time, and find its steps.
 
     Parameters
     ----------
@@ -531,24 +531,24 @@ def open_side(
 
 
 def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together: int) -> str:
-    """What names the index of these files, read with these options."""
+    """Return the name of the index of these files, read with these options."""
     sha = hashlib.sha256(f"{format} {rows_together} {len(files)}".encode())
     for file in files:
         state = file.path, file.place, file.keys, *state_of(os.stat(file.place))
         sha.update(repr(state).encode("utf-8", "surrogateescape"))
-    asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
-    sha.update(repr(asked).encode("utf-8", "surrogateescape"))
+    used = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
+    sha.update(repr(used).encode("utf-8", "surrogateescape"))
     return sha.hexdigest()[:KEY_DIGITS]
 
 
 def _settled(options: ReadOptions) -> ReadOptions:
-    """Options for rows whose times are settled."""
+    """Return options for rows whose times are converted and filtered already."""
     conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
     return replace(options, time=None, conversion=conversion)
 
 
 def _labelled(block: Trajectories, labels: NDArray[np.object_]) -> Trajectories:
-    """A block with its times as they were read; what was checked is not checked again."""
+    """Return a block with labels of its times, without checking it again."""
     part = object.__new__(Trajectories)
     vars(part).update(vars(block), labels=labels)
     freeze(part)

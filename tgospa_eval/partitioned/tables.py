@@ -1,4 +1,4 @@
-"""The tables of a result, written as Parquet in chunks: no more than one of them is in memory.
+"""Tables of a result, written as Parquet in chunks: only one of them is in memory.
 
 Each has the columns of the CSV file of the same name (docs/reference/result-tables.md), and its
 rows in the same order. Arrays are in units of c^p, and tracks and steps are global numbers; here
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 ROW_GROUP = 1 << 17
-"""Rows of a row group: what is in memory when a table is written or read."""
+"""Rows of a row group, which are in memory when a table is written or read."""
 
 REPEATED = ("t", "weight", "mass")
 """Columns of doubles with few values; others are smaller, and faster to write, without a dictionary
@@ -44,8 +44,8 @@ of their values."""
 
 
 Names: TypeAlias = Mapping[str, NDArray[Any]]
-"""What the numbers of steps and tracks are called: ``times``, as they were read, ``truths`` and
-``estimates``, ids. Texts are no objects, so that the arrays can be mapped from files."""
+"""Names of steps and tracks by their numbers: ``times``, as they were read, and the ids of
+``truths`` and ``estimates``. Texts are no objects, so that the arrays can be mapped from files."""
 
 
 def _write_columns(path: str, columns: Arrays) -> None:
@@ -99,7 +99,7 @@ def write_table(
         The columns of a chunk by their names.
     chunks : iterable
         Rows in order, in pieces of any size; they are joined to row groups of `ROW_GROUP`, so
-        that the file does not depend on how they were cut.
+        that the file does not depend on the size of the pieces.
     none
         A chunk without rows, which says what the columns are.
 
@@ -142,28 +142,28 @@ def write_table(
 
 
 def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Iterator[pa.Table]":
-    """The rows in tables of `ROW_GROUP`, the last one as long as what is left."""
+    """Yield the rows in tables of `ROW_GROUP`; the last one has the rest."""
     import pyarrow as pa
 
-    held, rows = list[pa.RecordBatch](), 0
+    pending, rows = list[pa.RecordBatch](), 0
     for chunk in chunks:
-        held.append(chunk)
+        pending.append(chunk)
         rows += len(chunk)
         if rows < ROW_GROUP:
             continue
-        table = pa.Table.from_batches(held, schema)
+        table = pa.Table.from_batches(pending, schema)
         whole = rows - rows % ROW_GROUP
         for first in range(0, whole, ROW_GROUP):
             yield table.slice(first, ROW_GROUP).combine_chunks()
-        held, rows = table.slice(whole).combine_chunks().to_batches(), rows - whole
+        pending, rows = table.slice(whole).combine_chunks().to_batches(), rows - whole
     if rows:
-        yield pa.Table.from_batches(held, schema).combine_chunks()
+        yield pa.Table.from_batches(pending, schema).combine_chunks()
 
 
 def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
-    """Names as an Arrow array: texts as such, whatever made them.
+    """Return names as an Arrow array.
 
-    Made of its buffers: `pyarrow.array` imports pandas, which takes 45 MB of each process.
+    It is made of buffers, as `pyarrow.array` imports pandas: 45 MB in each process.
     """
     import pyarrow as pa
 
@@ -219,13 +219,13 @@ def write_part(
     parameters : Parameters
         Of the metric.
     masked : bool
-        Whether there are states that are not judged.
+        Whether there are ignored states.
     """
     times, *ids = (
         np.load(Path(names, f"{name}.npy"), mmap_mode="r")
         for name in ("times", "truths", "estimates")
     )
-    truths, estimates = map(_array, ids)  # once for all chunks: of each row it takes thrice as long
+    truths, estimates = map(_array, ids)  # once for all chunks: otherwise three times slower
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         weight, cost = chunk["weight"], chunk["cost"]
@@ -246,27 +246,27 @@ def write_part(
 
 
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
-    """The rows of all pieces by `ORDER`, those of one stretch between edges after the other."""
+    """Yield the rows of all pieces by `ORDER`, one stretch between edges after the other."""
     opened = [np.load(piece, mmap_mode="r") for piece in pieces]
     for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        found = [rows[_first(rows, low) : _first(rows, high)] for rows in opened]
-        if sum(map(len, found)):
-            joined = np.concatenate(found)
+        parts = [rows[_first(rows, low) : _first(rows, high)] for rows in opened]
+        if sum(map(len, parts)):
+            joined = np.concatenate(parts)
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
-        for rows in opened:  # what was read of mapped files would count as memory
+        for rows in opened:  # pages of mapped files that were read would count as memory
             if hasattr(rows.base, "madvise"):
                 rows.base.madvise(mmap.MADV_DONTNEED)
 
 
 def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
-    """Columns beside those of ASSIGNED_PAIR."""
+    """Return the columns beside those of ASSIGNED_PAIR."""
     return (kind.names or ())[len(ASSIGNED_PAIR.names or ()) :]
 
 
 def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
-    """The assigned pairs of a range of steps with what `scan` found beside their cost.
+    """Return the assigned pairs of a range of steps with the values that `scan` wrote for them.
 
     Parameters
     ----------
@@ -285,25 +285,25 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
     )
     truth, estimate = map(np.searchsorted, numbers, (rows["truth"], rows["estimate"]))
     own, size = np.searchsorted(pair, truth * width + estimate), np.int64(len(pair))
-    found = np.searchsorted(entry["step"] * size + place, rows["step"] * size + own)
+    position = np.searchsorted(entry["step"] * size + place, rows["step"] * size + own)
     with np.load(block.folder / BESIDE) as beside:
         names = [(name, "<f8") for name in beside]
         made = np.empty(len(rows), [*ASSIGNED_PAIR.descr, *names])
         made[[*(ASSIGNED_PAIR.names or ())]] = rows
         for name, _ in names:
-            made[name] = beside[name][found] * (1.0 if name == NEES else rows["weight"])
+            made[name] = beside[name][position] * (1.0 if name == NEES else rows["weight"])
     return made
 
 
 def sums_beside(
     pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
-    """Sums of what is beside the cost of assigned pairs, by `ORDER`; and those of NEES.
+    """Add up the values beside the cost of assigned pairs, by `ORDER`; and those of NEES.
 
     Parameters
     ----------
     pieces : iterable
-        What `looked_up` gives, in the order of time.
+        Outputs of `looked_up`, in the order of time.
     sizes : sequence of int
         Steps, truths and estimates.
     components : int
@@ -335,7 +335,7 @@ def sums_beside(
 
 
 def _first(rows: NDArray[np.void], step: int) -> int:
-    """The first row of this step, or of one after it; few rows are looked at."""
+    """Return the first row of this step or of a later one, by bisection."""
     return bisect_left(rows, step, key=_step)
 
 
@@ -344,24 +344,24 @@ def _step(row: Any) -> int:
 
 
 def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
-    """How many rows there are at each step (T,)."""
+    """Count the rows at each step (T,)."""
     counts = np.zeros(steps, np.int64)
     for piece in pieces:
         rows = np.load(piece, mmap_mode="r")
         for first in range(0, len(rows), ROWS_AT_ONCE):
             step = rows["step"][first : first + ROWS_AT_ONCE]
-            found = np.bincount(step - step[0])
-            counts[step[0] : step[0] + len(found)] += found
+            added = np.bincount(step - step[0])
+            counts[step[0] : step[0] + len(added)] += added
     return counts
 
 
-def found_in(folders: Iterable[Path], name: str) -> list[Path]:
-    """The files of this name, of the folders that have one."""
+def existing_files(folders: Iterable[Path], name: str) -> list[Path]:
+    """Return the files of this name, of the folders that have one."""
     return [folder / name for folder in folders if (folder / name).exists()]
 
 
 # -------------------------------------------------------------------------------------------------
-# What the shards found, as the tables of a result.
+# Results of the shards as the tables of a result.
 
 
 def write_tables(
@@ -376,7 +376,7 @@ def write_tables(
     further: Mapping[str, Arrays],
     assignments: bool = True,
 ) -> StoredTables:
-    """Write all tables, those that are not there yet.
+    """Write the tables that are not there yet.
 
     Parameters
     ----------
@@ -430,7 +430,7 @@ def write_tables(
             columns = track_columns(side, steps, parts, parameters.scale)
             _write_columns(path, {"id": names[ids]} | columns | further[ORDER[1 + side]])
     if path := missing("switches"):
-        write_switches(path, found_in(shards, "switched.npy"), names, parameters)
+        write_switches(path, existing_files(shards, "switched.npy"), names, parameters)
     pieces = tuple(map(str, assigned)) if assignments else ()
     rows = _rows_by_step(pieces, len(names["times"]))
     tasks: dict[str, Task] = {

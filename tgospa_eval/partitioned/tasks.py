@@ -22,11 +22,11 @@ Task = Callable[[str], None]
 """Writes one output, a file or folder of this path; a function of a module, as it travels."""
 
 Run = Callable[[Mapping[str, Task]], None]
-"""Does tasks, by their outputs, in no order; those that are done are not done again."""
+"""Does tasks, given by their outputs, in any order; a task that is done is not done again."""
 
 
 def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
-    """Do one; its output, and that no process died of it."""
+    """Do a task; return its output, and False as no process died of it."""
     output, task = job
     if not os.path.exists(output):
         task(output)

@@ -39,7 +39,7 @@ class Verification:
     Parameters
     ----------
     claims : tuple of Claim
-        One, or one for each class.
+        One claim, or one for each class.
     """
 
     claims: tuple[Claim, ...]
@@ -59,9 +59,9 @@ class Verification:
 def verify(folder: "str | os.PathLike[str]") -> Verification:
     """Check the proof in a folder, or one for each class.
 
-    Both bounds are computed again, in exact integers, by a program of one file that shares nothing
-    with the solver: as the command ``tgospa-eval verify``, which also checks that the tables follow
-    from files.
+    A program of one file, which shares no code with the solver, computes both bounds again in exact
+    integers. The command ``tgospa-eval verify`` does the same, and also checks that the tables
+    follow from files.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
     Returns
     -------
     Verification
-        The claims; it is true where all hold.
+        The claims; true if all of them hold.
 
     Raises
     ------

@@ -41,17 +41,17 @@ class Repair:
     kind : str
         One of `KINDS`.
     text : str
-        What it does, in words with ids and times.
+        Description of the change, with ids and times.
     estimates : tuple of str
-        Ids of the tracks that it changes; none where it changes all.
+        Ids of the tracks that it changes; empty if it changes all.
     tracks : tuple of int
         Their numbers.
     begin, end : int, float or str, optional
-        From which time to which.
+        First and last time of the change.
     shift : int
         Steps by which it moves the estimate.
     offset : dict
-        What it takes from each column.
+        Values that it subtracts from each column.
     rows : Columns
         The rows that it adds, ``t`` and the state columns.
     total, tgospa : float
@@ -59,9 +59,9 @@ class Repair:
     lower_bound, upper_bound : float
         Proven bounds of the metric afterwards.
     saving_lower, saving_upper : float
-        Proven bounds of what it saves of the total, in the unit of the total.
+        Proven bounds of its saving, in the unit of the total.
     edit : callable
-        Makes the repaired estimate of the estimate: for `Explanation.repaired`.
+        Applies the repair to the estimate, for `Explanation.repaired`.
     """
 
     kind: str
@@ -100,14 +100,14 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """Savings of an evaluation by repairs of the estimate, each repair made alone.
+    """Savings by repairs of the estimate, each repair made by itself.
 
     Parameters
     ----------
     result : Evaluation
         The evaluation, which may hold this in turn.
     repairs : tuple of Repair
-        By what they are proven to save, the most first.
+        Sorted by proven saving, the largest first.
     candidates, tried : int
         Repairs that may save something, and how many of them were tried.
     seconds : float
@@ -115,7 +115,7 @@ class Explanation:
     estimate : Trajectories
         The estimate on the steps that count.
     conversion : Conversion
-        To its stamps and states, from those of the file.
+        Conversion from times and states of the file to those of `estimate`.
     """
 
     result: Evaluation

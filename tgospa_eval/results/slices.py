@@ -98,9 +98,9 @@ class Slicing:
     Parameters
     ----------
     by : str
-        As it was asked for.
+        The attributes, as requested.
     slices : tuple of Slice
-        In the order of their ranges or values.
+        Slices in the order of their ranges or values.
     unique : bool
         Whether the best assignment, and with it the split, is proven to be the only one.
     """

@@ -19,7 +19,7 @@ class Point:
     Parameters
     ----------
     value : float
-        Of the parameter that is swept.
+        Value of the parameter.
     tgospa, lower_bound, total : float
         The metric, which is a proven upper bound; a proven lower bound; ``tgospa ** order``.
     relative_gap : float
@@ -35,7 +35,7 @@ class Point:
     status : str
         How the solver ended.
     finished : bool
-        Whether it did what was asked.
+        Whether the solver reached its goal.
     """
 
     value: float

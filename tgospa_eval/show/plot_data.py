@@ -69,7 +69,7 @@ FARTHEST_LEVEL = 1 << 29
 PARTICLES = 100_000
 """Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
 
-FEWEST, MOST = 10, 200
+MIN_PARTICLES, MAX_PARTICLES = 10, 200
 """Particles of a cloud that are drawn: at least, if it has so many, and at most."""
 
 SHARES = 10_000
@@ -309,7 +309,7 @@ def data_of_sides(
     low, quantum = _grid([side["state"] for side in rows.values()], len(columns))
     spread = described([side["spread"] for side in rows.values()], stride)
     count = sum(len(cloud) for _, clouds in given.values() for cloud in clouds)
-    every = stride * max(1, -(-count // (stride * PARTICLES // FEWEST)))
+    every = stride * max(1, -(-count // (stride * PARTICLES // MIN_PARTICLES)))
     sides: dict[str, SideData] = {}
     arrays: dict[str, Ints] = {}
 
@@ -383,8 +383,8 @@ def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
     particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
     chosen = np.flatnonzero((row["step"] % every == 0) & (row["cloud"] != NONE))
-    chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // FEWEST)))]
-    each = min(MOST, PARTICLES // max(1, len(chosen)))
+    chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // MIN_PARTICLES)))]
+    each = min(MAX_PARTICLES, PARTICLES // max(1, len(chosen)))
     for k in chosen.tolist():
         part = int(np.searchsorted(first, row["cloud"][k], side="right")) - 1
         points, weights = clouds[part][int(row["cloud"][k] - first[part])]

@@ -42,7 +42,7 @@ NARROW = 1e-9
 DISTINCT = 1e-10
 """Relative difference up to which numbers are the same but for roundings."""
 
-DIGITS, MOST_DECIMALS = 4, 6
+DIGITS, MAX_DECIMALS = 4, 6
 """Digits of the largest value of a column, and decimals at most."""
 
 WIDE_COLUMNS = 7
@@ -310,7 +310,7 @@ def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
     form = f",.{decimals}f"
-    if largest >= THOUSANDS or decimals > MOST_DECIMALS:
+    if largest >= THOUSANDS or decimals > MAX_DECIMALS:
         form = f".{digits - 1}e"
     low, high = (f"{end:{form}}" for end in (value.lower, value.upper))
     is_one = value.upper - value.lower <= NARROW * value.upper

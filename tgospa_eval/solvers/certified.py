@@ -30,14 +30,14 @@ from tgospa_eval.solvers.tuning import (
 
 @dataclass(frozen=True, kw_only=True)
 class Certified(BatchSolver):
-    """Exact, with proof (docs/theory/solvers.md, "The certified solver").
+    """Exact solver with a proof (docs/theory/solvers.md, "The certified solver").
 
     Parameters
     ----------
     gap : float
         Relative gap of the total that counts as exact.
     time_limit : float, optional
-        Seconds; what is reached by then is bracketed and returned.
+        Seconds; the solution reached by then is returned, with proven bounds.
     jobs : int, optional
         Threads; all cores by default. The result does not depend on it.
 

@@ -54,7 +54,7 @@ class Exact(BatchSolver):
     Parameters
     ----------
     time_limit : float, optional
-        Seconds; what is reached by then is bracketed and returned.
+        Seconds; the solution reached by then is returned, with proven bounds.
 
     Raises
     ------

@@ -95,8 +95,8 @@ PLACES, HEIGHT = ("lat", "lon"), "alt"
 class Trajectories:
     """A set of trajectories.
 
-    A row means that the object exists at that step; there is no other encoding of absence, and
-    nothing has the size of all steps times all objects.
+    A row means that the object exists at that step. Absence has no other encoding, and no array has
+    the size of all steps times all objects.
 
     Parameters
     ----------
@@ -123,10 +123,10 @@ class Trajectories:
     clouds : Clouds, optional
         The particles of each row; the states are their weighted means. Not beside covariances.
     attributes : mapping of str to (R,) array, optional
-        What is known of each row beside its state, by name: numbers, NaN where missing, or texts,
-        blank where missing. Readers have those columns that they are asked for.
+        Further values of each row, by name: numbers, NaN where missing, or texts, blank where
+        missing. Readers read only the requested columns.
     offered : tuple of str, optional
-        All headers of the file, where it was asked for attributes.
+        All headers of the file, if attributes were requested.
 
     Raises
     ------

@@ -368,7 +368,7 @@ SUMMARY = 1_000_000
 COMMENT = 60_000
 """Bytes of a comment on a pull request, of at most 65,536 characters."""
 
-CUT = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
+TRUNCATED = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
 
 def annotations(report: Report) -> Iterator[str]:
@@ -430,7 +430,7 @@ def summary(report: Report, room: int) -> bytes:
     # The command is always included, unless it would leave no room for anything else.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
-    room -= len(CUT.encode()) + len(END) + len(advice)
+    room -= len(TRUNCATED.encode()) + len(END) + len(advice)
     shown: list[bytes] = []
     for line in lines:
         room -= len(line)
@@ -441,7 +441,7 @@ def summary(report: Report, room: int) -> bytes:
     if not shown:
         return b""
     text = b"".join((*shown, end))
-    return b"".join((text, b"" if advice in text else advice, CUT.encode()))
+    return b"".join((text, b"" if advice in text else advice, TRUNCATED.encode()))
 
 
 END = b"\n</details>\n"

@@ -112,7 +112,7 @@ def command(
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
-    why = parts_in_words((truth, estimate), chosen, drawn=output.output is not None)
+    why = parts_in_words((truth, estimate), chosen, pictures=output.output is not None)
     if why is not None:
         in_parts(why)
     if chosen.scheduler is not None:

@@ -77,7 +77,7 @@ def evaluate_parts(
                     work,
                     stopwatch,
                     kept=output.output is not None,
-                    drawn=output.output is not None,
+                    pictures=output.output is not None,
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))

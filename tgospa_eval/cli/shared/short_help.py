@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import click
 
 WIDTH = 80
-_CONTINUED = r"\s*\\\n\s*"
+_LINE_BREAK = r"\s*\\\n\s*"
 
 METRIC = {
     "cutoff": "distance beyond which nothing is matched",
@@ -170,7 +170,7 @@ def short_help(command: click.Command, ctx: click.Context, sections: Iterable[st
     }
     text = re.sub(r"\s+", " ", (command.help or "").partition("\n\n")[0]).strip()
     examples = re.findall(r"^ *(tgospa-eval (?:.*\\\n *)*.*?)(?:  .*)?$", command.help or "", re.M)
-    whole = (re.sub(_CONTINUED, " ", one) for one in examples)
+    whole = (re.sub(_LINE_BREAK, " ", one) for one in examples)
     example = next(one for one in whole if len(one) <= WIDTH - 2)
     lines = [command.get_usage(ctx), "", text, "", f"  {example}", ""]
     for task, common in COMMON_OPTIONS[verb].items():
