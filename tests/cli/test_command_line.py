@@ -490,8 +490,8 @@ def test_ids_that_stdout_cannot_encode(run: Run, write: Write, encoding: str) ->
         truth, estimate, "--unit", "車", env={"PYTHONIOENCODING": encoding}, encoding=encoding
     )
     assert answer.status == 0
-    (line,) = (x for x in answer.out.splitlines() if "worst truths" in x)
-    assert re.fullmatch(r"\s+worst truths\s+F\S+e-\S+", line)
+    (line,) = (x for x in answer.out.splitlines() if "worst objects" in x)
+    assert re.fullmatch(r"\s+worst objects\s+F\S+e-\S+", line)
     assert ("Füße" in line) == (encoding == "cp1252")
 
 
@@ -536,7 +536,7 @@ def test_the_headline_of_a_bracket_fits_80_columns(invoke: Run, crowd: Pair) -> 
 def test_an_id_takes_one_line_of_the_table(invoke: Run, write: Write) -> None:
     truth = write("t.csv", 'id,t,x\n"two\nlines",1,2\n')
     _, out, _ = invoke(truth, write("e.csv", "id,t,x\n"))
-    (line,) = (x for x in out.splitlines() if "worst truths" in x)
+    (line,) = (x for x in out.splitlines() if "worst objects" in x)
     assert "two" in line
     assert "lines" in line
 

@@ -44,7 +44,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     found = json.loads(invoke(*pair, *options, "--format", "json").out)["similarity"]
     assert (found["false_targets"], found["score_of_false_targets"]) == (2, 0.1)
     assert found["lower_bound"] <= found["score"] <= found["upper_bound"]
-    words = f"{found['score']:.4f}, from 0 to 1; 2 false a step score 0.1"
+    words = f"{found['score']:.4f}, from 0 to 1; 2 false targets a step score 0.1"
     for form in ("table", "markdown", "latex"):
         assert words in invoke(*pair, *options, "--format", form).out
     invoke(*pair, *options, "-o", "out")

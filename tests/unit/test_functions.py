@@ -304,7 +304,7 @@ def test_everything_public_prints_as_a_short_table_or_a_sentence() -> None:
             assert "array(" not in text
             assert "object at" not in text
     assert str(result.nees).startswith("NEES 1.672 where 2 is expected")
-    assert str(made).splitlines()[0] == "53 associated, 7 of A and 6 of B alone, in 20 steps"
+    assert str(made).splitlines()[0] == "53 associated, 7 of A and 6 of B unassociated, in 20 steps"
     assert str(made).splitlines()[-1] == "and 56 more; all of them: associations"
 
 

@@ -89,8 +89,8 @@ def command(
         )
     if "preprocess" in given:
         raise click.UsageError(
-            "--preprocess: what it leaves out depends on the repair; explain files without such "
-            "objects"
+            "--preprocess is not supported by explain: what it leaves out changes with the repair; "
+            "remove such objects from the files"
         )
     if output is None and given & {"apply", "force"}:
         raise click.UsageError(f"--{min(given & {'apply', 'force'})} is for the file of -o")

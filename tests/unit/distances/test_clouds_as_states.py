@@ -867,13 +867,13 @@ def test_associate_points_takes_the_least_sum(write: Write, invoke: Run) -> None
         ["0", "2", "4", "1.0"],
     ]
     status, out, _ = invoke("associate", a, b, "-c", "4")
-    assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
+    assert "2 associated, 0 of A and 0 of B unassociated, in 1 step" in out
     assert invoke("associate", a, b, "-c", "-1")[0] == 2
     status, out, _ = invoke("associate", a, b, "-c", "0.1")
-    assert (status, "0 associated, 2 of A and 2 of B alone" in out) == (0, True)
+    assert (status, "0 associated, 2 of A and 2 of B unassociated" in out) == (0, True)
     nothing = write("none.csv", "id,t,x\n")
     status, out, _ = invoke("associate", nothing, nothing, "-c", "1")
-    assert (status, "0 associated, 0 of A and 0 of B alone, in 0 steps" in out) == (0, True)
+    assert (status, "0 associated, 0 of A and 0 of B unassociated, in 0 steps" in out) == (0, True)
     assert invoke("associate", a, b)[0] == 2
     status, _, err = invoke("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
     assert (status, "cross-covariances are those of particles" in err) == (3, True)

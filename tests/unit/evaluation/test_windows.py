@@ -305,7 +305,7 @@ def test_what_is_not_exact_is_told_as_a_bound(
     assert answer.status == 4
     assert "4 of them upper bounds" in " ".join(answer.out.split())
     assert " <= " in answer.out
-    assert "accuracy not reached at 4 windows, asked was 1e-09" in answer.err
+    assert "accuracy not reached at 4 windows; requested: 1e-09" in answer.err
 
 
 def test_windows_of_classes_add_up(invoke: Invoke, write: Write) -> None:

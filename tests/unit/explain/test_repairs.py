@@ -100,7 +100,10 @@ def test_a_false_track_is_dropped_and_a_false_end_cut_off() -> None:
     late, early = (repair for repair in found.repairs if repair.kind == "trim")
     check(late, 3 * 50, 3 * 50)
     check(early, 50, 5 * 50)
-    assert (late.text, early.text) == ("cut t = 9 to 11 off estimate 0", "cut t = 1 off estimate 0")
+    assert (late.text, early.text) == (
+        "remove t = 9 to 11 from estimate 0",
+        "remove t = 1 from estimate 0",
+    )
 
 
 def test_a_gap_is_filled_on_a_straight_line() -> None:
