@@ -377,7 +377,7 @@ def test_which_folders_and_files_are_read_in_parts(
     assert in_parts.parts_in_words((truth, estimate), options) is None
     why = in_parts.parts_in_words((truth, estimate), Request(memory=1000))
     assert why is not None
-    assert why.startswith(f"{truth} and {estimate} take some 180MB in memory, more than ")
+    assert why.startswith(f"{truth} and {estimate} need about 180MB of memory, more than ")
     allowed = Request(memory=1000, max_input=1.0)
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
     text = str(tmp_path / "gt.txt")

@@ -682,8 +682,8 @@ def test_a_truth_is_that_of_the_target(against: Invoke, gate: Invoke) -> None:
     answer = against()
     assert answer.status == 2
     said = " ".join(answer.out.split())
-    assert "slow/1: data/slow/1/truth.csv: is another one in main, which judges" in said
-    assert "the first state that differs: a at 3: 3.0, 0.0 -> 3.5, 0.0 (was -> is; since main)" in (
+    assert "slow/1: data/slow/1/truth.csv: differs from the file in main, which judges" in said
+    assert "first state that differs: a at 3: 3.0, 0.0 -> 3.5, 0.0 (was -> is; since main)" in (
         said
     )
     assert groups(against("--format", "json"))["slow"]["verdict"] == "not comparable"
@@ -711,7 +711,7 @@ def test_a_truth_that_changed_since_its_baseline(
     assert answer.status == 2
     out = " ".join(answer.out.split())
     assert "slow/1: not judged on the same " in out
-    assert f"the first state that differs: {said} (was -> is; since " in out
+    assert f"first state that differs: {said} (was -> is; since " in out
     assert "--resample" not in out
 
 
@@ -824,7 +824,7 @@ def test_files_that_options_name_are_the_target_s(against: Invoke) -> None:
     write("regions.csv", "left,top,width,height\n-900,-900,1800,1800\n")
     answer = against()
     assert answer.status == 2
-    assert "regions.csv: is another one in main, which judges" in " ".join(answer.out.split())
+    assert "regions.csv: differs from the file in main, which judges" in " ".join(answer.out.split())
 
 
 def test_a_baseline_that_is_updated_passes_nothing(against: Invoke, gate: Invoke) -> None:

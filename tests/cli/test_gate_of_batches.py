@@ -145,9 +145,9 @@ def test_a_store_is_the_baseline_of_a_suite(batch: Invoke, invoke: Invoke) -> No
 
 
 WRONG = (
-    (("old", "gt/1.csv"), "gt/1.csv: holds no batch, and old does"),
-    (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: stores are compared as they are"),
-    (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: stores are compared as they are"),
+    (("old", "gt/1.csv"), "gt/1.csv: is not a batch, but old is"),
+    (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
+    (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
     (("old",), "no baseline: name it with --baseline FILE; limits of --max need none"),
     (("old", "old", "--baseline", "b.json"), "name the baseline once"),
     (("old", "--baseline", "old", "--update-baseline"), "is a batch, which tgospa-eval batch"),

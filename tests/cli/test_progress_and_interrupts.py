@@ -422,5 +422,5 @@ def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     document = json.loads(out)
     assert status == 130
     assert [made["name"] for made in document["runs"]] == ["certified"]
-    assert document["left_out"] == {"exact": "interrupted before its turn"}
+    assert document["left_out"] == {"exact": "not started: interrupted"}
     assert HEARD in err

@@ -71,7 +71,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
     with pytest.raises(ConfigError, match='with_ takes all rows together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
-    with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
+    with pytest.raises(ConfigError, match="similarity is not supported with step"):
         evaluate([], [], similarity=1, step_weights=[1.0])
     with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
@@ -83,7 +83,7 @@ def test_every_option_is_a_keyword() -> None:
         ({"columns": "x"}, "columns is for files and tables, and truth is none"),
         ({"decimal": ","}, "decimal is for files and tables"),
         ({"estimate_columns": "x"}, "estimate_columns is for files and tables, and estimate is"),
-        ({"solver": Certified(), "gap": 0.1}, "gap is for a solver by its name"),
+        ({"solver": Certified(), "gap": 0.1}, "gap is for a solver given by name"),
         ({"fix_cov": "no"}, "fix_cov is 'no': must be True or False"),
         ({"max_input": "much"}, "max_input is 'much': must be a number"),
         ({"max_input": -1}, "max_input is -1: must be 0 or more"),

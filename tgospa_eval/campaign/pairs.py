@@ -597,7 +597,7 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
         if path in stars and path.count("*") > 1:
             raise ConfigError(f"{path}: one * is needed, it stands for the run")
         if stars and path not in marked and path != truth:
-            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+            raise ConfigError(f"{path}: has no * for the run, but other files have")
     own = ["run"] if stars else _fields(truth)
     for path in estimates:
         missing = [] if stars else [name for name in own if name not in _fields(path)]

@@ -115,7 +115,7 @@ def test_runs(save: Save, invoke: Invoke) -> None:
     assert ranking(invoke, "a/*")["estimates"][0]["total"] == pytest.approx(5)
     answer = invoke("compare", "a/*", "b/1")
     assert (answer.status, answer.err) == (
-        2, "b/1: has no *, but other results have; it stands for the run\n",
+        2, "b/1: has no * for the run, but other results have\n",
     )  # fmt: skip
 
 
@@ -186,11 +186,11 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
     [
         (["moved"], 2, "no order: not judged on the same truth (a, a/result.json: 3 "),
         (["wide"], 2, "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
-        (["a.csv"], 2, "a.csv: is no saved result, but a is; a saved result is the result.json of"),
-        (["none"], 2, "none: is no saved result, but a is"),
-        (["baseline.json"], 2, "baseline.json: is no saved result, but a is"),
+        (["a.csv"], 2, "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
+        (["none"], 2, "none: is not a saved result, but a is"),
+        (["baseline.json"], 2, "baseline.json: is not a saved result, but a is"),
         (["./a"], 2, "a/result.json: is the same as "),
-        ([], 2, "a: is a single saved result; name those to rank it with"),
+        ([], 2, "a: is a single saved result; name other results to rank it with"),
         (["b", "--cutoff", "5"], 2, "--cutoff needs the data, and a is a saved result"),
         (["b", "--against", "per-step-gospa"], 2, "--against needs the data"),
         (["b", "-o", "a"], 2, "--output a: "),

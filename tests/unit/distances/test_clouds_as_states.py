@@ -350,7 +350,7 @@ def test_sliced_from_the_command_line(name: str, write: Write, invoke: Run) -> N
     assert (found.get("localisation_spread") is None) == distance.maximum
     for wrong, message in (
         (("--directions", "1"), "directions is 1: must be a whole number, 2 or more"),
-        (("--reduce-method", "atl"), "--reduce-method is for --reduce N, which is missing"),
+        (("--reduce-method", "atl"), "--reduce-method needs --reduce N"),
     ):
         assert message in invoke(truth, estimate, "--distance", name, *wrong).err
     assert invoke("associate", truth, estimate, "--distance", name, "-c", "9").status == 0
@@ -588,7 +588,7 @@ def test_options_that_do_not_fit(write: Write, invoke: Run) -> None:
     path = write("t.csv", TRUTH)
     for options, message in (
         (("--reduce", "5"), "--reduce is for distances of clouds, not for euclidean"),
-        ((*WHOLE, "--polish", "1"), "--polish is for --reduce N, which is missing"),
+        ((*WHOLE, "--polish", "1"), "--polish needs --reduce N"),
         (
             (*WHOLE, "--reduce", "2", "--reduce-method", "top", "--seed", "1"),
             "--seed is for the methods sliced, recursive, atl, kmeans, systematic, stratified, mul",
@@ -798,7 +798,7 @@ def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> 
     assert 'id "1" and id "b" at t 0' not in err
     assert "the covariance of the pair is singular, too few distinct particles" in err
     status, _, err = invoke(*paths, *pair)
-    assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
+    assert (status, "--inner-cov pair is not a metric; it is for associate" in err) == (2, True)
 
 
 def test_associate_names_its_own_options(write: Write, invoke: Run) -> None:
