@@ -374,7 +374,7 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     unit = parameters["unit"] or ("m" if distance is not None and distance.on_earth else "")
     states = counted(nearest["truths"], "state")
     yield ""
-    yield f"distance from each ground-truth state to the nearest estimate at its step, {states}"
+    yield f"distance from a ground-truth state to its nearest estimate, {states}"
     quantiles = nearest["quantiles"]
     head = ("share of states", *(f"{q} %" for q in quantiles))
     row = ("distance up to", *map(_number, quantiles.values()))

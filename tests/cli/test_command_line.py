@@ -632,7 +632,7 @@ def test_a_result_is_written_anew(invoke: Run, quickstart: Pair, tmp_path: Path)
     status, _, err = invoke(*quickstart, "-c", "5", "-o", "out")
     assert status == 0
     assert "wrote 8 files to" in err
-    assert f", removed 1 of the run before; open {OPEN}" in err
+    assert f", removed 1 of an earlier run; open {OPEN}" in err
     assert sorted(os.listdir(folder)) == sorted([*FILES, "lanes.png", "notes.txt"])
     assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
     assert "wrote" not in invoke(*quickstart, "-c", "5", "-o", "out", "-q").err
@@ -656,7 +656,7 @@ def test_only_files_of_a_run_are_replaced_or_removed(
     assert mine.items() <= contents(folder).items()
     status, out, err = invoke(*evaluate, "--curve")
     assert (status, out) == (2, "")  # before any work
-    assert "out: curve.csv in it was not written by a run before" in err
+    assert "out: curve.csv in it was not written by an earlier run" in err
     (folder / "report.html").write_bytes(b"changed")
     assert "report.html in it" in invoke(*evaluate).err
     assert (folder / "report.html").read_bytes() == b"changed"

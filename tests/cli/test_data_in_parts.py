@@ -63,7 +63,7 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert (answer.status, answer.out[:9]) == (0, "TGOSPA = ")
     assert "truth is a folder of tables: it is read in parts" in answer.err
     assert "wrote 8 files and 2 pictures" in answer.err
-    assert "removed 5 of the run before" in answer.err
+    assert "removed 5 of an earlier run" in answer.err
     there = {path.relative_to(one).as_posix() for path in one.rglob("*") if path.is_file()}
     assert there == {
         *(".tgospa-eval.json", "result.json", "timings.csv", "report.html"),
@@ -465,7 +465,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         partitioned.evaluate_parts(paths, other, output, "so")
     with (
         locked(folder / "work", (0, 1)),
-        pytest.raises(ConfigError, match='out": another process is at work on it'),
+        pytest.raises(ConfigError, match='out": another process uses it'),
     ):
         partitioned.evaluate_parts(paths, options, output, "so")
     monkeypatch.setattr(run, "solve_shard", pytest.fail)  # nothing is left to solve

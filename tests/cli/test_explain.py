@@ -144,7 +144,7 @@ def test_the_repaired_file_is_written_whole_or_not_at_all(invoke: Run, tmp_path:
     for options, said in (
         (("--apply", "99", "-o", str(tmp_path / "no.csv")), "--apply 99: repair 99: there are"),
         (("-o", str(tmp_path / "no.txt")), "must end in .csv"),
-        (("-o", QUICKSTART[1], "--force"), "is read or written otherwise"),
+        (("-o", QUICKSTART[1], "--force"), "is also read or written by this command"),
         (("--apply", "2"), "--apply is for the file of -o"),
         (("--by", "class"), "choose one class by --class NAME"),
         (("--preprocess", "motchallenge"), "what it leaves out changes with the repair"),
@@ -219,7 +219,7 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
     assert "Savings do not add up" in page
     assert invoke(*QUICKSTART, *METRIC, "-o", "out").status == 0
     assert not (folder / "explanation.json").exists()  # of the run before
-    assert "Repairs worth most" not in (folder / "report.html").read_text()
+    assert "Best repairs" not in (folder / "report.html").read_text()
     for form, row in (
         ("markdown", "| 1 | drop estimate 107, t = 14 to 21 | 400 | 22.1 % | 37.5398 |"),
         ("latex", r"1 & drop estimate 107, t = 14 to 21 & 400 & 22.1 \% & 37.5398"),

@@ -98,7 +98,7 @@ def test_probabilities_of_existence(invoke: Run, write: Write, pair: list[str]) 
     assert "existence" not in answer.err
     words = " ".join(answer.out.split())
     assert "mismatch 1.4 100.0 %" in words
-    assert "Experimental: that switches cost the same" in words
+    assert "the paper does not say that switches cost the same" in words
     assert max(map(len, answer.out.splitlines())) <= 80
     document = json.loads(invoke(*use, "--format", "json").out)
     assert document["metric"] == "probabilistic-tgospa"

@@ -227,7 +227,7 @@ def test_a_proof_that_is_removed_is_told(invoke: Invoke) -> None:
     command = ("truth.csv", "estimate.csv", "-c", "9", "-g", "1", "-q", "-o", "done")
     command += ("--pictures", "none")
     assert invoke(*command, "--proof").err == ""
-    assert "done/proof of the run before is removed" in invoke(*command).err
+    assert "done/proof of an earlier run is removed" in invoke(*command).err
     assert invoke(*command).err == ""
 
 

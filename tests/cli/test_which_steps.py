@@ -514,7 +514,7 @@ def test_options_that_say_which_steps_count_win(
         ("10.0", 'line 3: seqLength is "10.0"'),
         ("10000001", "the number of frames, 1 to 10,000,000"),
         ("1" * 5000, "line 3: seqLength is"),
-        ("10\nseqLength=11", "seqLength is there twice, and differs"),
+        ("10\nseqLength=11", "seqLength is given twice, with different values"),
         ("10\nauthor=\udcfc", "line 4: not UTF-8 (byte 0xfc); save it as UTF-8"),
     ],
 )

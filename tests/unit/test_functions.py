@@ -223,7 +223,7 @@ def test_gate_and_the_command_know_each_other(
     assert not any("--" in note for note in undecided.notes)
     with pytest.raises(ConfigError, match='fail_on "total": must be'):
         gate(*quickstart, theirs, fail_on="total")
-    with pytest.raises(ConfigError, match="is no baseline"):
+    with pytest.raises(ConfigError, match="is not a baseline"):
         gate(*quickstart, quickstart[0])
 
 
@@ -270,7 +270,7 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.rows["with.gospa.total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert "tracker" in str(found)
     Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=r'^output="store": holds a batch with other settings'):
+    with pytest.raises(ConfigError, match=r'^output="store": has a batch with other settings'):
         batch(**patterns, output="store", workers=1, cutoff=9.0)
     again = batch(**patterns, output="store", workers=1, cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1

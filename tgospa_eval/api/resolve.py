@@ -518,10 +518,7 @@ def _solver(options: Request) -> Solver:
     if not isinstance(options.solver, str):
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:
-                raise ConfigError(
-                    f"{option(name)} is for a solver given by name, not for a "
-                    "record"
-                )
+                raise ConfigError(f"{option(name)} is for a solver given by name, not for a record")
         return as_solver(options.solver)
     settings: dict[str, float | None] = {"time_limit": options.time_limit}
     if options.solver != "exact":

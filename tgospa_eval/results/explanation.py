@@ -177,7 +177,7 @@ class Explanation:
             No repair has the rank.
         """
         if not 1 <= rank <= len(self.repairs):
-            there = f"there are {len(self.repairs)}" if self.repairs else "the folder has no tables"
+            there = f"there are {len(self.repairs)}" if self.repairs else "there is none"
             raise ConfigError(f"repair {rank}: {there}")
         return self.conversion.undone(self.repairs[rank - 1].edit(self.estimate))
 

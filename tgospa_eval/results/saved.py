@@ -350,7 +350,7 @@ def result_fault(document: Json) -> str | None:
     wrong = contradiction(values, document["parameters"])
     wrong = wrong or slices_fault(document.get("slices", ()), document)
     if not wrong and NEES in document and not fits_sums(document[NEES]):
-        wrong = f"{NEES} has other numbers than its sums make"
+        wrong = f"{NEES} does not follow from its sums"
     parts = document.get("by_class", {}).items()
     faults = (
         own and f"by_class.{name}: {own}" for name, part in parts if (own := result_fault(part))

@@ -556,7 +556,7 @@ def _switches(
     x = data.time.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
-    return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
+    return {"switch (small: half a switch)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
 def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:

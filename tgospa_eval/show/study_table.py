@@ -232,7 +232,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
             yield "mean of roots", [number(mean) for mean in means], []
         elif wanted:
             raise ConfigError(
-                f"{option('columns_of_table', name)}: is not there; {option('mean_of_roots')} of a "
+                f"{option('columns_of_table', name)}: is missing; {option('mean_of_roots')} of a "
                 "batch adds it"
             )
     elif name == "gospa" and any("gospa.total" in row.numbers for row in rows):

@@ -147,7 +147,7 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
     assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
     assert exact["status"].startswith(told)
     assert "Both brackets overlap" in invoke(*call).out
-    assert invoke(*call, "--solvers", "exact").out.splitlines()[2] == "No solver has an answer"
+    assert invoke(*call, "--solvers", "exact").out.splitlines()[2] == "No solver has a result"
     assert "exact" in invoke(*call, "--format", "csv").out
 
 
@@ -473,7 +473,7 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
         (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
         (
             ("gt/{run}.csv", "on/{tracker}/{run}.csv"),
-            "on/{tracker}/{run}.csv: fits {x}, which is like a field itself",
+            "on/{tracker}/{run}.csv: matches {x}, which has braces like a field",
         ),
         (("gt/{run}.csv", "gt/{run}.csv", "{run}.csv"), "r1.csv: no such file"),
         (

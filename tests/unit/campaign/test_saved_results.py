@@ -170,7 +170,9 @@ def test_other_metrics_of_one_run(save: Save, invoke: Invoke) -> None:
     for results in (["a/2", "b/2"], ["a/*", "b/*"]):
         answer = invoke("compare", *results, "--format", "json")
         assert "with" not in json.loads(answer.out)["estimates"][0]
-        assert answer.err == "not shown: gospa; it needs a single run, and all results of it\n"
+        assert (
+            answer.err == "not shown: gospa; only for a single run of which all results have it\n"
+        )
 
 
 def test_warnings_travel(save: Save, invoke: Invoke) -> None:
@@ -186,7 +188,11 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
     [
         (["moved"], 2, "no order: not judged on the same truth (a, a/result.json: 3 "),
         (["wide"], 2, "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
-        (["a.csv"], 2, "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
+        (
+            ["a.csv"],
+            2,
+            "a.csv: is not a saved result, but a is; a saved result is the result.json of",
+        ),
         (["none"], 2, "none: is not a saved result, but a is"),
         (["baseline.json"], 2, "baseline.json: is not a saved result, but a is"),
         (["./a"], 2, "a/result.json: is the same as "),

@@ -229,7 +229,7 @@ def test_too_few_pairs() -> None:
     assert ranking.comparisons[0]["p_value"] is None
     assert ranking.permutations == 0
     text = words(tables)
-    assert "5 pairs: fewer than 6, nothing can be concluded about other truths" in text
+    assert "5 pairs: too few (at least 6) to conclude anything about other truths" in text
     assert "interval" not in text
     (row,) = json.loads(batch_report(tables, "json"))["comparisons"]
     assert row["p_value"] is row["lower"] is row["significant"] is None
@@ -341,7 +341,7 @@ def test_other_parameters_are_other_groups_too() -> None:
     ("rows", "by", "note"),
     [
         (table({"a": A, "b": B}), "sequence", "no truth is evaluated with all values of sequence"),
-        (table({"a": A}), "tracker", "tracker has one value alone: there is nothing to rank"),
+        (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
         (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
     ],
 )

@@ -636,15 +636,15 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert costs["distance"][1] == pytest.approx(np.sqrt(far))
     same = *files[:3], "costs.csv", "--force"
     status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *same)
-    assert (status, "--cross-cov costs.csv: is read or written otherwise" in err) == (2, True)
+    assert (status, "--cross-cov costs.csv: is also read or written by this command" in err) == (2, True)
     status, _, err = invoke("associate", a, b, "-c", "4", "--cost-matrix", b, "--force")
-    assert (status, "--cost-matrix" in err, "is read or written otherwise" in err) == (
+    assert (status, "--cost-matrix" in err, "is also read or written by this command" in err) == (
         2,
         True,
         True,
     )
     status, _, err = invoke("reduce", a, a, "-n", "1", "--force")
-    assert (status, "is read or written otherwise" in err) == (2, True)
+    assert (status, "is also read or written by this command" in err) == (2, True)
     cross = pd.read_csv(tmp_path / "cross.csv")
     np.testing.assert_allclose(
         cross.loc[0, ["cov_x_x", "cov_x_y", "cov_y_x", "cov_y_y"]].astype(float),

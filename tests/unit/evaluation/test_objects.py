@@ -288,7 +288,11 @@ def test_a_recorder_keeps_covariances_and_particles() -> None:
         (gaussian, {"estimate": mean[0]}, "estimate: points, before states with covariances"),
         (cloud, {"estimate": points[0], "estimate_weights": weights[0, :, 1:]}, r"weights \(8,\)"),
         (cloud, {"estimate": points[0] * np.inf}, "points must be finite"),
-        (cloud, {"estimate": [points[0, 0], points[0, 1, :, :1]]}, "different numbers of components"),
+        (
+            cloud,
+            {"estimate": [points[0, 0], points[0, 1, :, :1]]},
+            "different numbers of components",
+        ),
         (gaussian, {"estimate": mean[0], "estimate_covariances": spread[0, 0]}, r"shape \(2, 2\);"),
         (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are of particles"),
     ]

@@ -276,7 +276,7 @@ def test_table_json_files_and_pictures(
         (out / name).write_text("mine")
         answer = invoke(*options, "-o", str(out), "--pictures", "svg")
         assert answer.status == 2
-        assert f"{name} in it was not written by a run before" in answer.err
+        assert f"{name} in it was not written by an earlier run" in answer.err
         assert (out / name).read_text() == "mine"
         (out / name).unlink()
     assert "windows" not in json.loads(invoke(*quickstart, "-q", "--format", "json").out)

@@ -173,7 +173,7 @@ def _check(
         )
     if chosen.explain and chosen.preprocess:
         raise click.UsageError(
-            "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+            "--explain: what --preprocess leaves out changes with the repair; leave one of them out"
         )
 
 

@@ -62,7 +62,7 @@ def write_output(
     if not output.quiet:
         print_notice(written)
     if had_proof and not os.path.isdir(proof):  # others may refer to it
-        print_notice(f"{proof} of the run before is removed; --proof writes that of this one")
+        print_notice(f"{proof} of an earlier run is removed; --proof writes one for this run")
 
 
 def _made(
