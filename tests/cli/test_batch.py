@@ -182,8 +182,8 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
         (("batch", "-o", "r"), "name the jobs by --truth PATTERN --estimate PATTERN"),
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
-        (("batch", "report"), "takes one folder, a store"),
-        (("batch", "report", "r", "-c", "3"), "--cutoff is for evaluating; batch report shows"),
+        (("batch", "report"), "takes one folder: a store"),
+        (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report shows"),
     ],
 )
 def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -> None:

@@ -453,7 +453,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     with pytest.raises(KeyboardInterrupt):
         partitioned.evaluate_parts(paths, options, output, "so")
     said = capsys.readouterr().err
-    assert f"what is done is in {folder / 'work'}, and the same command goes on" in said
+    assert f"finished parts are kept in {folder / 'work'}; the same command resumes" in said
     assert "proven so far: " in said
     assert " <= TGOSPA <= " in said
     assert [path.name for path in folder.iterdir()] == ["work"]
@@ -472,7 +472,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     assert partitioned.evaluate_parts(paths, options, output, "so")
     assert not (folder / "work").exists()
     said = capsys.readouterr()
-    assert f"going on with {folder / 'work'}" in said.err
+    assert f"resuming with {folder / 'work'}" in said.err
     assert json.loads(said.out)["certified"]
 
 
@@ -543,8 +543,8 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     answer = invoke(*asked, "-o", "out")
     fresh = invoke(*asked, "-q")
     assert numbers(json.loads(answer.out)) == numbers(json.loads(fresh.out))
-    assert ("going on with" in answer.err) == (change == "in place, unseen")
-    assert "begun anew" in answer.err
+    assert ("resuming with" in answer.err) == (change == "in place, unseen")
+    assert "starting again" in answer.err
     if change == "in place, unseen":
         name = f"estimate/1.{ending}: has another content than before: all is begun anew"
         assert name in answer.err.replace("\\", "/")
@@ -594,7 +594,7 @@ def test_a_folder_of_others_is_left_alone(invoke: Invoke, recording: Path, tmp_p
     folders = str(recording / "truth"), str(recording / "estimate")
     answer = invoke(*folders, *METRIC, "-o", str(tmp_path / "out"), "--force", "-q")
     assert answer.status == 2
-    assert "there is a folder work in it that is not of this program" in answer.err
+    assert "it has a folder work that this program did not make" in answer.err
     assert kept.read_text() == "precious"
 
 

@@ -53,7 +53,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     for more, said in (
         (("--similarity", "0"), "--similarity: false targets is 0: must be > 0"),
         ((*options, "--sweep", "c=1,2"), "not for --sweep"),
-        ((*options, "--step-weights", "w.csv"), "not for --step-weights"),
+        ((*options, "--step-weights", "w.csv"), "not supported with --step-weights"),
     ):
         answer = invoke(*pair, *more)
         assert (answer.status, answer.out, said in answer.err) == (2, "", True)
@@ -145,7 +145,7 @@ def test_verbs_that_know_probabilities(invoke: Run, write: Write, pair: list[str
     assert sorted(group["total"] for group in json.loads(made.out)["groups"]) == [0, 3]
     for options, said in (
         (("--rho", "0.3"), "no proof is known that the result is a metric"),
-        (("-o", "out", "--proof"), "--proof has no place for --existence use"),
+        (("-o", "out", "--proof"), "--proof is not supported with --existence use"),
     ):
         answer = invoke(truth, half, *metric, *options)
         assert (answer.status, answer.out, said in answer.err) == (2, "", True)

@@ -728,10 +728,10 @@ def test_variables_that_set_nothing_are_named(
     files = ("data/slow/1/truth.csv", "out/slow/1.csv")
     for answer in (gate(), invoke("inspect", *files), invoke(*files)):
         assert answer.status == 0
-        assert "TGOSPA_EVAL_CUTTOFF: sets nothing; did you mean TGOSPA_EVAL_CUTOFF?" in answer.err
-        assert "TGOSPA_EVAL_GROUP: sets nothing" in answer.err
+        assert "TGOSPA_EVAL_CUTTOFF: has no effect; did you mean TGOSPA_EVAL_CUTOFF?" in answer.err
+        assert "TGOSPA_EVAL_GROUP: has no effect" in answer.err
         assert "TGOSPA_EVAL_GAMMA" not in answer.err
-    assert "--group is for the command line alone" in gate().err
+    assert "--group is only for the command line" in gate().err
 
 
 @pytest.mark.parametrize("gone", ["data/slow", "data/slow/1", "out/slow", "out/slow/1.csv"])
@@ -868,7 +868,7 @@ def test_variables_count_for_nothing(
     answer = invoke("gate", "--suite", "suite.toml", "--against", "main")
     assert answer.status == 1
     assert "TGOSPA_EVAL_CUTOFF" in answer.err
-    assert "ignored, main judges" in answer.err
+    assert "ignored; main judges" in answer.err
     assert invoke("gate", "--against", "main", "-q").status == 2  # no suite is named
     for name in values:
         monkeypatch.delenv(f"TGOSPA_EVAL_{name}")

@@ -69,7 +69,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
-    with pytest.raises(ConfigError, match='with_ takes all rows together, not by="class"'):
+    with pytest.raises(ConfigError, match='with_ evaluates all classes together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
     with pytest.raises(ConfigError, match="similarity is not supported with step"):
         evaluate([], [], similarity=1, step_weights=[1.0])
@@ -315,5 +315,5 @@ def test_an_association_has_its_tables_as_other_results_have() -> None:
     assert made.costs["associated"].tolist() == [1]
     with pytest.raises(ConfigError, match=r"no table .pairs.; there are associations, costs"):
         made.table("pairs")
-    with pytest.raises(InputError, match="cross-covariances are those of particles"):
+    with pytest.raises(InputError, match="cross-covariances need particles"):
         print(made.cross_covariances)

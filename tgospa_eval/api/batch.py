@@ -320,7 +320,7 @@ def batch(
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
         except ConfigError as error:  # the rows are stored already
-            messages.append(f"the page is not written: {error}")
+            messages.append(f"the page was not written: {error}")
     messages += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=text) for text in messages])
     return done

@@ -166,8 +166,8 @@ def _resolved(options: Request) -> ResolvedRequest:
     other_metrics, nees = tuple(name for name in requested if name != NEES), NEES in requested
     if options.by and other_metrics:
         raise ConfigError(
-            f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
-            f"class by {option('class_', metavar='NAME')}"
+            f"{option('with_')} evaluates all classes together, not {option('by', 'class')}; "
+            f"choose one class by {option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(

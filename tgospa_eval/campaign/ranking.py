@@ -142,10 +142,10 @@ def differences(document: Json, step: Json, steps: Sequence[int], order: float) 
     )
     count = step["steps_differing"]
     yield (
-        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps TGOSPA "
-        "has another assignment than the cheapest one of that step"
+        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps the "
+        "assignment of TGOSPA is not the cheapest of that step"
         if count
-        else "TGOSPA has the cheapest assignment of every single step"
+        else "the assignment of TGOSPA is the cheapest at every step"
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]

@@ -870,7 +870,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: too few (at least 6) to conclude anything about {ranking.population}"
+        yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):

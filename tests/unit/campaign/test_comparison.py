@@ -188,8 +188,8 @@ def test_exact_is_left_out_where_it_is_slow(
         (["--by", "class"], 2, "choose one class by --class NAME"),
         (["--by", "class", "--simulate"], 2, "--by is for files, not for --simulate"),
         (["--runs", "3"], 2, "--runs is for --simulate"),
-        (["--simulate"], 2, "--simulate makes its scenes"),
-        (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
+        (["--simulate"], 2, "--simulate makes its own scenes"),
+        (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "with one solver"),
         (["missing.csv"], 3, "missing.csv: no such file"),
         (["."], 3, ".: is a folder, not a file"),
         (["/"], 3, "/: is a folder, not a file"),
@@ -384,7 +384,7 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
     config = write("tgospa-eval.toml", 'by = "class"\n')
     answer = invoke("compare", *paths, "-c", "5", "--config", config)
     assert answer.status == 0
-    assert "by = class of the settings is left aside" in answer.err
+    assert "by = class in the settings is ignored" in answer.err
 
 
 @pytest.mark.parametrize(

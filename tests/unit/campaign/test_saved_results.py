@@ -197,7 +197,7 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
         (["baseline.json"], 2, "baseline.json: is not a saved result, but a is"),
         (["./a"], 2, "a/result.json: is the same as "),
         ([], 2, "a: is a single saved result; name other results to rank it with"),
-        (["b", "--cutoff", "5"], 2, "--cutoff needs the data, and a is a saved result"),
+        (["b", "--cutoff", "5"], 2, "--cutoff needs the data, but a is a saved result"),
         (["b", "--against", "per-step-gospa"], 2, "--against needs the data"),
         (["b", "-o", "a"], 2, "--output a: "),
     ],

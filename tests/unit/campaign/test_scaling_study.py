@@ -101,7 +101,7 @@ def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
         answer = invoke(*small, *options)
         assert answer.status == 2
         assert f"has a batch with other settings: options.{name} was " in answer.err
-    assert "1 scene is there, going on" in invoke(*small).err
+    assert "1 scene is finished, resuming" in invoke(*small).err
     assert len(timeless(tmp_path / "study")) == 5
 
 

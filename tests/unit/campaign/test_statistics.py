@@ -229,7 +229,7 @@ def test_too_few_pairs() -> None:
     assert ranking.comparisons[0]["p_value"] is None
     assert ranking.permutations == 0
     text = words(tables)
-    assert "5 pairs: too few (at least 6) to conclude anything about other truths" in text
+    assert "5 pairs: fewer than 6, no conclusion about other truths" in text
     assert "interval" not in text
     (row,) = json.loads(batch_report(tables, "json"))["comparisons"]
     assert row["p_value"] is row["lower"] is row["significant"] is None

@@ -636,7 +636,10 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert costs["distance"][1] == pytest.approx(np.sqrt(far))
     same = *files[:3], "costs.csv", "--force"
     status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *same)
-    assert (status, "--cross-cov costs.csv: is also read or written by this command" in err) == (2, True)
+    assert (status, "--cross-cov costs.csv: is also read or written by this command" in err) == (
+        2,
+        True,
+    )
     status, _, err = invoke("associate", a, b, "-c", "4", "--cost-matrix", b, "--force")
     assert (status, "--cost-matrix" in err, "is also read or written by this command" in err) == (
         2,
@@ -876,7 +879,7 @@ def test_associate_points_takes_the_least_sum(write: Write, invoke: Run) -> None
     assert (status, "0 associated, 0 of A and 0 of B unassociated, in 0 steps" in out) == (0, True)
     assert invoke("associate", a, b)[0] == 2
     status, _, err = invoke("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
-    assert (status, "cross-covariances are those of particles" in err) == (3, True)
+    assert (status, "cross-covariances need particles" in err) == (3, True)
 
 
 def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
@@ -921,7 +924,7 @@ def test_reduce_without_pot(
     path = write("in.csv", TRUTH)
     status, out, err = invoke("reduce", path, "out.csv", "-n", "2", "--format", "json")
     assert status == 0
-    assert "no exact distances from the clouds before: distances of particle clouds need the" in err
+    assert "no exact distances to the original clouds: distances of particle clouds need the" in err
     document = json.loads(out)
     assert document["change"]["wasserstein"] is None
     assert document["clouds"][0]["wasserstein"] is None
@@ -1017,7 +1020,7 @@ def test_associate_normal_laws(write: Write, invoke: Run, tmp_path: Path) -> Non
     assert float(row[3]) == pytest.approx(10**0.5, rel=1e-14)
     status, _, err = invoke("associate", a, b, *laws, "--cross-cov", "cross.csv")
     assert status == 3
-    assert "cross-covariances are those of particles, and neither file has any" in err
+    assert "cross-covariances need particles, but neither file has any" in err
 
 
 def test_associate_by_the_covariances_of_each_pair(write: Write, invoke: Run) -> None:

@@ -170,7 +170,7 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
     assert result.parameters["ignore_regions"] == found["parameters"]["ignore_regions"]
     verdict = invoke("verify", folder, truth, estimate)
     assert verdict.status == 3
-    assert "name yours, with --ignore-regions FILE" in verdict.err
+    assert "name your copy with --ignore-regions FILE" in verdict.err
     again = ("verify", folder, truth, estimate, "--ignore-regions", regions)
     verdict = invoke(*again)
     assert verdict.status == 0, verdict.err

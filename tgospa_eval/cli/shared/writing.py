@@ -53,7 +53,7 @@ def write_output(
         return
     files = None if interrupted() else _made(output, make)
     if files is None:
-        print_notice(f"interrupted: nothing is written to {folder}")
+        print_notice(f"interrupted: nothing was written to {folder}")
         return
     proof = os.path.join(folder, PROOF_FOLDER)
     had_proof = os.path.isdir(proof)
