@@ -183,7 +183,7 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
         (("batch", "report"), "takes one folder: a store"),
-        (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report shows"),
+        (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report"),
     ],
 )
 def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -> None:
