@@ -429,7 +429,9 @@ def test_a_baseline_in_conflict_is_resolved_by_an_update_of_some(gate: Invoke, s
     assert b"<<<<<<<" in before
     answer = gate()
     assert answer.status == 2
-    said = "base.json: has a merge conflict; --update-baseline --only slow/2 makes what conflicts"
+    said = (
+        "base.json: has a merge conflict; --update-baseline --only slow/2 renews only the entries"
+    )
     assert said in answer.err
     assert gate("--update-baseline", "--only", "fast/*").status == 2
     assert Path("base.json").read_bytes() == before

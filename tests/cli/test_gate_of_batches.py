@@ -150,7 +150,7 @@ WRONG = (
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
     (("old",), "no baseline: name it with --baseline FILE; --max needs none"),
     (("old", "old", "--baseline", "b.json"), "name the baseline once"),
-    (("old", "--baseline", "old", "--update-baseline"), "is a batch, which tgospa-eval batch"),
+    (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
     (("old", "--update-baseline"), "no baseline: name the file to make"),
     (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
 )

@@ -303,7 +303,7 @@ def test_python_is_warned_as_well() -> None:
         found = compare("truth.csv", files, 12, 2, 5, with_=("nees", "gospa"))
     assert list(found.table()["name"]) == ["right", "sure"]
     assert {"nees_mean", "gospa_total"} <= {*found.table()}
-    with pytest.raises(ConfigError, match="not for solvers"):
+    with pytest.raises(ConfigError, match="not for comparing solvers"):
         compare("truth.csv", "sure.csv", 12, 2, 5, solvers=["exact"], with_="nees")
 
 

@@ -73,7 +73,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], by="class", with_="gospa")
     with pytest.raises(ConfigError, match="similarity is not supported with step"):
         evaluate([], [], similarity=1, step_weights=[1.0])
-    with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
+    with pytest.raises(ConfigError, match=r"scale is for .*, not for a distance given as a record"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
 
 

@@ -258,7 +258,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     path = f"{metric}.{part}" if metric else f"{SUMMARY}.{own}"
     if not any(path in row.numbers for row in rows) and (metric or own not in NUMBERS):
         more = f"; {option('with_', metric)} adds it" if metric else ""
-        raise ConfigError(f"{option('columns_of_table', name)}: is not there{more}")
+        raise ConfigError(f"{option('columns_of_table', name)}: is missing{more}")
     values = [row.numbers.get(path, math.nan) for row in rows]
     if metric:
         low, cells = part in LOW, [other_value(part, {part: value}) for value in values]

@@ -391,7 +391,7 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
     ("files", "patterns", "message"),
     [
         (["1/gt", "2/gt", "1/a"], ["*/gt", "*/a"], "2/a.csv: no such file; other patterns have it"),
-        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: has no counterpart"),
+        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: the other patterns have no such run"),
         (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
         (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
         (["1/gt", "1/a"], ["*/gt", "*/*"], "one * is needed"),

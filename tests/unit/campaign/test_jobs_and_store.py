@@ -136,7 +136,10 @@ def test_manifest(tree: Path, write: Write) -> None:
         ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
         ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
         ("truth,estimate,run\na,b," + "x" * 200_000, "line 2: field larger than field limit"),
-        ("truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2, "a column tells them apart"),
+        (
+            "truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2,
+            "add a column with different values",
+        ),
     ):
         with pytest.raises(InputError, match=message):
             jobs.of_manifest(write("m.csv", text), ())
