@@ -335,7 +335,8 @@ class Lanes:
     def title(self) -> str:
         """The words above."""
         count = len(self.tracks) + len(self.hidden)
-        word = self.side.name + ("" if count == 1 else "s")
+        noun = "object" if self.side.name == "truth" else "estimate"
+        word = noun + ("" if count == 1 else "s")
         quiet = f", {self.quiet:,} of them without miss or switch" if self.quiet else ""
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
