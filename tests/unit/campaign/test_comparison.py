@@ -394,7 +394,7 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
         (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: the other patterns have no such run"),
         (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
         (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
-        (["1/gt", "1/a"], ["*/gt", "*/*"], "one * is needed"),
+        (["1/gt", "1/a"], ["*/gt", "*/*"], "must have one *"),
         (["gt", "a"], ["gt", "a", "a"], "a.csv: is given twice"),
     ],
 )

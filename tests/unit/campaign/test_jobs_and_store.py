@@ -61,7 +61,7 @@ def test_layout_and_seqmap(tree: Path, write: Write) -> None:
     assert (job.truth, job.estimate) == (
         os.path.join("g", "s2/gt/gt.txt"), os.path.join("t", "a/data/s2.txt")
     )  # fmt: skip
-    with pytest.raises(InputError, match="names no sequence"):
+    with pytest.raises(InputError, match="has no sequence"):
         jobs.read_sequences(write("map.txt", "name\n"))
 
 
@@ -156,7 +156,7 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     store.open(settings_of(5.0))
     with pytest.raises(ConfigError, match=r"options.cutoff was 5.0, is 6.0"):
         store.open(settings_of(6.0))
-    with pytest.raises(InputError, match="is not a batch:  "):
+    with pytest.raises(InputError, match="is not a batch: "):
         Store(str(tmp_path)).settings()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").touch()

@@ -284,7 +284,7 @@ def test_a_recorder_keeps_covariances_and_particles() -> None:
     assert cloud.evaluate(**own).total == pytest.approx(total, rel=1e-12)
     assert len(cloud.estimate.ids) == 2
     wrong: list[tuple[Recorder, dict[str, Any], str]] = [
-        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; all of"),
+        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; a side has"),
         (gaussian, {"estimate": mean[0]}, "estimate: points, before states with covariances"),
         (cloud, {"estimate": points[0], "estimate_weights": weights[0, :, 1:]}, r"weights \(8,\)"),
         (cloud, {"estimate": points[0] * np.inf}, "points must be finite"),
