@@ -294,7 +294,7 @@ def test_a_recorder_keeps_covariances_and_particles() -> None:
             "different numbers of components",
         ),
         (gaussian, {"estimate": mean[0], "estimate_covariances": spread[0, 0]}, r"shape \(2, 2\);"),
-        (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are of particles"),
+        (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are only for particles"),
     ]
     for recorder, arguments, message in wrong:
         with pytest.raises(InputError, match=message):
