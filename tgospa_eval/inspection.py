@@ -364,19 +364,19 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
         yield from wrap(f"  {_shown_clock(both['clock'])}")
     for column, extent in both["extent"].items():
         yield f"  {clip(column, NAME_WIDTH):<{NAME_WIDTH}}" + (
-            f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
+            f"{_interval(extent)} in both" if extent else "no overlap"
         )
     nearest = both["nearest"]
     if nearest is None:
-        yield "no step has both a truth and an estimate: no distances"
+        yield "no step has both an object and an estimate: no distances"
         return
     distance = DISTANCES.get(str(parameters["distance"]))
     unit = parameters["unit"] or ("m" if distance is not None and distance.on_earth else "")
-    truths = counted(nearest["truths"], "truth")
+    states = counted(nearest["truths"], "state")
     yield ""
-    yield f"distance from a truth to the nearest estimate of its step, {truths}"
+    yield f"distance from a ground-truth state to its nearest estimate, {states}"
     quantiles = nearest["quantiles"]
-    head = ("share of truths", *(f"{q} %" for q in quantiles))
+    head = ("share of states", *(f"{q} %" for q in quantiles))
     row = ("distance up to", *map(_number, quantiles.values()))
     yield from text_lines(Table(head=head, rows=[row], widths=(15, *[11] * len(quantiles))))
     share = 100 * nearest["within_cutoff"]
@@ -384,14 +384,14 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
     if nearest["suggested"] is not None:
         value = f"{nearest['suggested']['cutoff']:g} {unit}".strip()
-        text = f"  cutoff to begin with, c = {value}: {nearest['suggested']['reason']}"
+        text = f"  suggested cutoff c = {value}: {nearest['suggested']['reason']}"
         yield from wrap(text)
 
 
 def _stretch(time: Json | None) -> str:
     """Return the time that both files cover."""
     if time is None:
-        return "no stretch of time is in both files"
+        return "the files have no time in common"
     if time["steps"] == 1:
         return f"both have rows at t = {_moment(time['first'])} only"
     ends = f"{_moment(time['first'])} to {_moment(time['last'])}"

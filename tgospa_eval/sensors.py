@@ -170,9 +170,7 @@ class Pairing:
         kinds = {self.first.kind, self.second.kind}
         if "cloud" not in kinds or "gaussian" in kinds:
             lacks = "one file has covariances" if "cloud" in kinds else "neither file has any"
-            raise InputError(
-                f"cross-covariances are those of particles, and {lacks}; add a column weight"
-            )
+            raise InputError(f"cross-covariances need particles, but {lacks}; add a column weight")
         pairs = np.flatnonzero(self.chosen)
         names = self.first.columns
         matrices = np.zeros((len(pairs), len(names), len(names)))
@@ -257,8 +255,8 @@ def associate(
         states = max(len(np.unique(i)), len(np.unique(j)))
         if states > MAX_STATES:
             raise InputError(
-                f"t {first.shown[step[begin]]}: {states} states with a partner within the "
-                f"cutoff, at most {MAX_STATES} are possible; take a smaller cutoff"
+                f"t {first.shown[step[begin]]}: {states} states have a partner within the cutoff, "
+                f"more than the limit of {MAX_STATES}; take a smaller cutoff"
             )
         own = near[begin:end]
         chosen[own[assign_pairs(i, j, pairs.distance[own] - cutoff, 0.0)]] = True
@@ -359,11 +357,11 @@ def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudC
 
     is_changed = before.counts > after.counts
     if is_changed.any() and not is_exact:
-        resources.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
-    what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with those before"
+        resources.stopwatch.notify(f"no exact distances to the original clouds: {POT_NEEDED}")
+    what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with the original"
     works = (is_changed * (before.counts * after.counts.astype(float)) ** 1.05).tolist()
     changes = in_order(change, range(len(before)), resources.jobs or cores())
-    with resources.stopwatch.showing("comparing clouds with those before"):
+    with resources.stopwatch.showing("comparing clouds with the original ones"):
         return list(resources.stopwatch.paced(changes, works, what))
 
 

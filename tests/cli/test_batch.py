@@ -127,9 +127,7 @@ def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
     batch(invoke)
     answer = batch(invoke, "-g", "3")
     assert answer.status == 2
-    assert (
-        "holds a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
-    )
+    assert "has a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
 
 
 def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:
@@ -188,8 +186,8 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
         (("batch", "-o", "r"), "name the jobs by --truth PATTERN --estimate PATTERN"),
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
-        (("batch", "report"), "takes one folder, a store"),
-        (("batch", "report", "r", "-c", "3"), "--cutoff is for evaluating; batch report shows"),
+        (("batch", "report"), "takes one folder: a store"),
+        (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report"),
     ],
 )
 def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -> None:
@@ -331,7 +329,7 @@ def test_other_metrics_are_combined_by_their_counts(
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3
-    assert "holds a batch with other settings: with was" in invoke(*sequences).err
+    assert "has a batch with other settings: with was" in invoke(*sequences).err
     refused = invoke(*sequences, "--with", "motq")
     assert (refused.status, "must be of hota" in refused.err) == (2, True)
 
@@ -378,7 +376,7 @@ def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: P
     assert "Statistical order, 6 pairs: a is significantly better than all others" in text
     assert max(map(len, text.splitlines())) <= 80
     # Runs have truths of their own: nobody compares them, unless asked to.
-    note = "no truth is evaluated with all values of run: they are not ranked"
+    note = "run is not ranked: no truth is evaluated with all its values"
     assert note in invoke("batch", "report", "r", "--by", "run").out
     by_both = json.loads(invoke("batch", "report", "r", "--by", "tracker,run,tracker", "--format",
                                 "json").out)  # fmt: skip
@@ -448,5 +446,5 @@ def test_what_is_named_is_evaluated(invoke: Invoke, runs: Path) -> None:
     os.rename(".out/.b", ".out/b")
     answer = invoke("batch", *hidden, "-c", "10", "-o", "s")
     assert answer.status == 2
-    assert "no file is like this" in answer.err
+    assert "no file matches" in answer.err
     assert "to evaluate them, write .{folder}/b/{run}.csv" in answer.err

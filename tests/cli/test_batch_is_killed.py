@@ -123,7 +123,7 @@ def test_a_second_process_is_refused_and_a_worker_is_killed(
     try:
         answer = invoke("batch", *PATTERNS, "-o", "r")
         assert (answer.status, answer.out) == (2, "")
-        assert "another process is at work on it" in answer.err
+        assert "another process uses it" in answer.err
         assert "with other settings" in invoke("batch", *PATTERNS, "-g", "3", "-o", "r").err
         os.kill(children(process.pid)[0], signal.SIGKILL)
     finally:

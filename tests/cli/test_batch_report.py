@@ -84,7 +84,7 @@ def test_pictures(invoke: Invoke, runs: Path) -> None:
     for name in ("parts", "heat", "curve", "curve-parts"):
         assert Path(f"r/{name}.svg").read_bytes().startswith(b"<?xml")
     answer = invoke("batch", "report", "r", "-o", "r", "--pictures", "none")
-    assert "removed 5 of the run before" in answer.err
+    assert "removed 5 of an earlier run" in answer.err
     assert invoke("batch", "report", "r", "-o", "r", "--pictures", "bmp").status == 2
 
 
@@ -133,11 +133,11 @@ def test_parameters_are_shown_apart(invoke: Invoke, runs: Path) -> None:
     text = words("r/report.html")
     assert text.startswith("\u2068TGOSPA of a batch\u2069")
     assert "Jobs have 3 different sets of parameters" in text
-    lost = text[text.index("Jobs that lose most") :]
+    lost = text[text.index("Jobs with the highest cost") :]
     assert "switch cutoff 1.5, unit m b/0/cutoff=1.5/unit=m" in lost
     assert lost.count("/cutoff=10/unit=km") == lost.count("/cutoff=1.5/unit=m") == 3
     assert "Of each set of parameters by themselves" in lost
-    made = text[text.index("What it is made of") : text.index("Jobs that lose most")]
+    made = text[text.index("Parts of the cost") : text.index("Jobs with the highest cost")]
     assert "from the least to the largest of the same parameters" in made
     widths = re.findall(
         'class="swatch localisation" style="width:([0-9.]+)%',

@@ -113,7 +113,7 @@ def test_files_of_others_in_the_store_stay(invoke: Invoke, runs: Path) -> None:
     Path("r/curve.csv").write_text("mine", encoding="utf-8")
     answer = batch(invoke, "--per-step")
     assert answer.status == 0
-    assert "curve.csv in it was not written by a run before" in answer.err
+    assert "curve.csv in it was not written by an earlier run" in answer.err
     assert Path("r/curve.csv").read_text(encoding="utf-8") == "mine"
     assert invoke("batch", "report", "r", "-o", "r").status == 2
     assert invoke("batch", "report", "r", "-o", "q", "--by", "run").status == 0

@@ -296,23 +296,23 @@ def test_help_is_in_sections(invoke: Run) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["evalute", "t.csv", "e.csv"], "evalute: neither a verb nor a file; did you mean"),
-        (["-c", "5", "rank", "t.csv"], "rank: neither a verb nor a file; did you mean compare?"),
+        (["evalute", "t.csv", "e.csv"], "evalute: not a verb or a file; did you mean"),
+        (["-c", "5", "rank", "t.csv"], "rank: not a verb or a file; did you mean compare?"),
         (["help", "simulat"], "did you mean simulate?"),
         (["t.csv", "e.csv", "--cutof", "5"], "no such option: --cutof; did you mean --cutoff?"),
         (["gate", "--basel=b.json"], "no such option: --basel; did you mean --baseline?"),
         (["simulate", "x", "--target", "3"], "did you mean --targets?"),
         (["t.csv", "e.csv", "--xyz"], "no such option: --xyz\n"),
         (["simulate", "--save", "x"], "no such option: --save\n"),
-        (["simulate", "x", "--plot"], "--plot is no option of simulate, but of inspect\n"),
+        (["simulate", "x", "--plot"], "--plot is not an option of simulate, but of inspect\n"),
         (["t.csv", "e.csv", "--fromat", "json"], "did you mean --format?"),
         (["t.csv", "e.csv", "--json"], "did you mean --format json?"),
         (["t.csv", "e.csv", "--html"], "did you mean -o DIR?"),
         (["t.csv", "e.csv", "--max-dist=5"], "did you mean --cutoff C?"),
         (["gate", "t.csv", "e.csv", "--latex"], "no such option: --latex\n"),
-        (["t.csv", "e.csv", "--baseline", "b"], "--baseline is no option of evaluate, but of gate"),
-        (["t.csv", "e.csv", "-gamma", "5"], "has two dashes; type --gamma"),
-        (["t.csv", "e.csv", "-output=x"], "has two dashes; type --output"),
+        (["t.csv", "e.csv", "--baseline", "b"], "--baseline is not an option of evaluate, but"),
+        (["t.csv", "e.csv", "-gamma", "5"], "have two dashes; type --gamma"),
+        (["t.csv", "e.csv", "-output=x"], "have two dashes; type --output"),
         (["t.csv"], "ESTIMATE is missing; type tgospa-eval evaluate t.csv ESTIMATE; for one file"),
         (["reduce", "a b.csv"], "OUT is missing; type tgospa-eval reduce 'a b.csv' OUT"),
         (["t.csv", "a.csv", "b.csv"], "to rank estimates: tgospa-eval compare t.csv a.csv b.csv"),
@@ -488,8 +488,8 @@ def test_ids_that_stdout_cannot_encode(run: Run, write: Write, encoding: str) ->
         truth, estimate, "--unit", "車", env={"PYTHONIOENCODING": encoding}, encoding=encoding
     )
     assert answer.status == 0
-    (line,) = (x for x in answer.out.splitlines() if "worst truths" in x)
-    assert re.fullmatch(r"\s+worst truths\s+F\S+e-\S+", line)
+    (line,) = (x for x in answer.out.splitlines() if "worst objects" in x)
+    assert re.fullmatch(r"\s+worst objects\s+F\S+e-\S+", line)
     assert ("Füße" in line) == (encoding == "cp1252")
 
 
@@ -534,7 +534,7 @@ def test_the_headline_of_a_bracket_fits_80_columns(invoke: Run, crowd: Pair) -> 
 def test_an_id_takes_one_line_of_the_table(invoke: Run, write: Write) -> None:
     truth = write("t.csv", 'id,t,x\n"two\nlines",1,2\n')
     _, out, _ = invoke(truth, write("e.csv", "id,t,x\n"))
-    (line,) = (x for x in out.splitlines() if "worst truths" in x)
+    (line,) = (x for x in out.splitlines() if "worst objects" in x)
     assert "two" in line
     assert "lines" in line
 
@@ -630,7 +630,7 @@ def test_a_result_is_written_anew(invoke: Run, quickstart: Pair, tmp_path: Path)
     status, _, err = invoke(*quickstart, "-c", "5", "-o", "out")
     assert status == 0
     assert "wrote 8 files to" in err
-    assert f", removed 1 of the run before; open {OPEN}" in err
+    assert f", removed 1 of an earlier run; open {OPEN}" in err
     assert sorted(os.listdir(folder)) == sorted([*FILES, "lanes.png", "notes.txt"])
     assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
     assert "wrote" not in invoke(*quickstart, "-c", "5", "-o", "out", "-q").err
@@ -654,7 +654,7 @@ def test_only_files_of_a_run_are_replaced_or_removed(
     assert mine.items() <= contents(folder).items()
     status, out, err = invoke(*evaluate, "--curve")
     assert (status, out) == (2, "")  # before any work
-    assert "out: curve.csv in it was not written by a run before" in err
+    assert "out: curve.csv in it was not written by an earlier run" in err
     (folder / "report.html").write_bytes(b"changed")
     assert "report.html in it" in invoke(*evaluate).err
     assert (folder / "report.html").read_bytes() == b"changed"

@@ -63,7 +63,7 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert (answer.status, answer.out[:9]) == (0, "TGOSPA = ")
     assert "truth is a folder of tables: it is read in parts" in answer.err
     assert "wrote 8 files and 2 pictures" in answer.err
-    assert "removed 5 of the run before" in answer.err
+    assert "removed 5 of an earlier run" in answer.err
     there = {path.relative_to(one).as_posix() for path in one.rglob("*") if path.is_file()}
     assert there == {
         *(".tgospa-eval.json", "result.json", "timings.csv", "report.html"),
@@ -380,7 +380,7 @@ def test_which_folders_and_files_are_read_in_parts(
     assert in_parts.parts_in_words((truth, estimate), options) is None
     why = in_parts.parts_in_words((truth, estimate), Request(memory=1000))
     assert why is not None
-    assert why.startswith(f"{truth} and {estimate} take some 180MB in memory, more than ")
+    assert why.startswith(f"{truth} and {estimate} need about 180MB of memory, more than ")
     allowed = Request(memory=1000, max_input=1.0)
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
     text = str(tmp_path / "gt.txt")
@@ -456,7 +456,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     with pytest.raises(KeyboardInterrupt):
         partitioned.evaluate_parts(paths, options, output, "so")
     said = capsys.readouterr().err
-    assert f"what is done is in {folder / 'work'}, and the same command goes on" in said
+    assert f"finished parts are kept in {folder / 'work'}; the same command resumes" in said
     assert "proven so far: " in said
     assert " <= TGOSPA <= " in said
     assert [path.name for path in folder.iterdir()] == ["work"]
@@ -468,14 +468,14 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         partitioned.evaluate_parts(paths, other, output, "so")
     with (
         locked(folder / "work", (0, 1)),
-        pytest.raises(ConfigError, match='out": another process is at work on it'),
+        pytest.raises(ConfigError, match='out": another process uses it'),
     ):
         partitioned.evaluate_parts(paths, options, output, "so")
     monkeypatch.setattr(run, "solve_shard", pytest.fail)  # nothing is left to solve
     assert partitioned.evaluate_parts(paths, options, output, "so")
     assert not (folder / "work").exists()
     said = capsys.readouterr()
-    assert f"going on with {folder / 'work'}" in said.err
+    assert f"resuming with {folder / 'work'}" in said.err
     assert json.loads(said.out)["certified"]
 
 
@@ -544,8 +544,8 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     answer = invoke(*asked, "-o", "out")
     fresh = invoke(*asked, "-q")
     assert numbers(json.loads(answer.out)) == numbers(json.loads(fresh.out))
-    assert ("going on with" in answer.err) == (change == "in place, unseen")
-    assert "begun anew" in answer.err
+    assert ("resuming with" in answer.err) == (change == "in place, unseen")
+    assert "starting again" in answer.err
     if change == "in place, unseen":
         name = f"estimate/1.{ending}: has another content than before: all is begun anew"
         assert name in answer.err.replace("\\", "/")
@@ -595,7 +595,7 @@ def test_a_folder_of_others_is_left_alone(invoke: Invoke, recording: Path, tmp_p
     folders = str(recording / "truth"), str(recording / "estimate")
     answer = invoke(*folders, *METRIC, "-o", str(tmp_path / "out"), "--force", "-q")
     assert answer.status == 2
-    assert "there is a folder work in it that is not of this program" in answer.err
+    assert "it has a folder work that this program did not make" in answer.err
     assert kept.read_text() == "precious"
 
 

@@ -144,10 +144,10 @@ def test_the_repaired_file_is_written_whole_or_not_at_all(invoke: Run, tmp_path:
     for options, said in (
         (("--apply", "99", "-o", str(tmp_path / "no.csv")), "--apply 99: repair 99: there are"),
         (("-o", str(tmp_path / "no.txt")), "must end in .csv"),
-        (("-o", QUICKSTART[1], "--force"), "is read or written otherwise"),
+        (("-o", QUICKSTART[1], "--force"), "is also read or written by this command"),
         (("--apply", "2"), "--apply is for the file of -o"),
         (("--by", "class"), "choose one class by --class NAME"),
-        (("--preprocess", "motchallenge"), "what it leaves out depends on the repair"),
+        (("--preprocess", "motchallenge"), "what it leaves out changes with the repair"),
         (("--top", "0"), "--top"),
     ):
         done = invoke("explain", *QUICKSTART, *METRIC, *options)
@@ -219,14 +219,14 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
     assert "Savings do not add up" in page
     assert invoke(*QUICKSTART, *METRIC, "-o", "out").status == 0
     assert not (folder / "explanation.json").exists()  # of the run before
-    assert "Repairs worth most" not in (folder / "report.html").read_text()
+    assert "Best repairs" not in (folder / "report.html").read_text()
     for form, row in (
         ("markdown", "| 1 | drop estimate 107, t = 14 to 21 | 400 | 22.1 % | 37.5398 |"),
         ("latex", r"1 & drop estimate 107, t = 14 to 21 & 400 & 22.1 \% & 37.5398"),
     ):
         assert row in invoke(*QUICKSTART, *METRIC, "--explain", "--format", form).out
     right = invoke(QUICKSTART[0], QUICKSTART[0], *METRIC, "--explain")
-    assert "no repair is known to save anything (0 repairs tried)" in right.out
+    assert "no repair is proven to save anything (0 repairs tried)" in right.out
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
     [
         (("--sweep", "c=1,2"), "--explain is for one evaluation, not for --sweep"),
         (("--by", "class"), "choose one class by --class NAME"),
-        (("--distance", "iou", "--preprocess", "motchallenge"), "depends on the repair"),
+        (("--distance", "iou", "--preprocess", "motchallenge"), "changes with the repair"),
     ],
 )
 def test_evaluate_explains_what_the_verb_does(

@@ -44,7 +44,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     found = json.loads(invoke(*pair, *options, "--format", "json").out)["similarity"]
     assert (found["false_targets"], found["score_of_false_targets"]) == (2, 0.1)
     assert found["lower_bound"] <= found["score"] <= found["upper_bound"]
-    words = f"{found['score']:.4f}, from 0 to 1; 2 false a step score 0.1"
+    words = f"{found['score']:.4f}, from 0 to 1; 2 false targets a step score 0.1"
     for form in ("table", "markdown", "latex"):
         assert words in invoke(*pair, *options, "--format", form).out
     invoke(*pair, *options, "-o", "out")
@@ -53,7 +53,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     for more, said in (
         (("--similarity", "0"), "--similarity: false targets is 0: must be > 0"),
         ((*options, "--sweep", "c=1,2"), "not for --sweep"),
-        ((*options, "--step-weights", "w.csv"), "not for --step-weights"),
+        ((*options, "--step-weights", "w.csv"), "not supported with --step-weights"),
     ):
         answer = invoke(*pair, *more)
         assert (answer.status, answer.out, said in answer.err) == (2, "", True)
@@ -98,7 +98,7 @@ def test_probabilities_of_existence(invoke: Run, write: Write, pair: list[str]) 
     assert "existence" not in answer.err
     words = " ".join(answer.out.split())
     assert "mismatch 1.4 100.0 %" in words
-    assert "Experimental: that switches cost the same" in words
+    assert "the paper does not say that switches cost the same" in words
     assert max(map(len, answer.out.splitlines())) <= 80
     document = json.loads(invoke(*use, "--format", "json").out)
     assert document["metric"] == "probabilistic-tgospa"
@@ -145,7 +145,7 @@ def test_verbs_that_know_probabilities(invoke: Run, write: Write, pair: list[str
     assert sorted(group["total"] for group in json.loads(made.out)["groups"]) == [0, 3]
     for options, said in (
         (("--rho", "0.3"), "no proof is known that the result is a metric"),
-        (("-o", "out", "--proof"), "--proof has no place for --existence use"),
+        (("-o", "out", "--proof"), "--proof is not supported with --existence use"),
     ):
         answer = invoke(truth, half, *metric, *options)
         assert (answer.status, answer.out, said in answer.err) == (2, "", True)

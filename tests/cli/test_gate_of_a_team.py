@@ -115,9 +115,8 @@ def test_a_change_of_the_tracker_fails(gate: Invoke) -> None:
     (rule,) = found["slow"]["rules"]
     assert rule["baseline"] == pytest.approx(sum(totals[f"slow/{k}"] for k in range(1, 6)))
     text = gate().out
-    assert (
-        "inferred of the tracker: it is worse than allowed, by 15 runs with the same"
-        in " ".join(text.split())
+    assert "the tracker is worse than allowed, inferred from 15 runs with the same" in " ".join(
+        text.split()
     )
 
 
@@ -134,10 +133,12 @@ def test_noise_passes_and_says_what_would_be_noticed(gate: Invoke) -> None:
     assert "warning" not in text + answer.err
     assert text.startswith("gate: pass (exit status 0): ")
     assert "groups in noise" in text
-    assert "they would notice a change of about +" in " ".join(text.split())
+    assert "they would show a change of about +" in " ".join(text.split())
     answer = gate("--strict")
     assert answer.status == 1
-    assert "by --strict, though in noise of 15 runs" in " ".join(answer.out.split())
+    assert "because of --strict, although within the noise of 15 runs" in " ".join(
+        answer.out.split()
+    )
     assert not tgospa_eval.gate(suite="suite.toml", strict=True)
     assert max(map(len, text.splitlines())) <= 80
 
@@ -169,7 +170,7 @@ def test_python_judges_a_suite(gate: Invoke) -> None:
     assert without_seconds(json.loads(text)) == without_seconds(json.loads(answer.out))
     table = judged.findings
     assert set(table[table.verdict == "fail"].pair) == {"all", "all of {scene}"}
-    assert any("inferred of the tracker" in note for note in judged.notes)
+    assert any("the tracker is worse than allowed" in note for note in judged.notes)
     assert tgospa_eval.gate(suite="suite.toml", fail_on="total:+90%", group="scene")
     renewed = tgospa_eval.gate(suite="suite.toml", update_baseline=True, only="slow/*")
     assert renewed.report.tally == {"updated": 5, "unchanged": 10, "removed": 0}
@@ -238,8 +239,11 @@ def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
     assert "group dense, fast, slow: 2 runs: their seeds can never support" in said
     runs(0.2, 2, seeds=[1, 2])
     out = " ".join(invoke(*arguments).out.split())
-    assert "in noise: 2 runs with the same seeds can support nothing less than a jump: 7 are" in out
-    assert "group all of {scene}: inferred of the tracker" in out
+    assert (
+        "within noise: 2 runs with the same seeds are too few to show anything but a jump; 7 are"
+        in out
+    )
+    assert "group all of {scene}: the tracker is worse than allowed" in out
 
 
 def test_without_seeds_a_group_is_judged_by_its_bracket(invoke: Invoke, tmp_path: Path) -> None:
@@ -301,14 +305,14 @@ def test_groups_on_the_command_line_and_of_batches(gate: Invoke, invoke: Invoke)
         ('[[group]]\nname = "{site}"\n', '"{site}": {site} is in no pattern of a pair'),
         ('[[group]]\nname = "{seed}"\n', "runs of a group differ in {seed}"),
         ('[[group]]\nseed = "run"\n', "no pattern of a pair has {run}"),
-        ('[[group]]\nname = "{scene"\n', "a brace that names no label"),
-        ("[[group]]\n[[group]]\n", 'two groups are called "all"'),
+        ('[[group]]\nname = "{scene"\n', "a brace without a label"),
+        ("[[group]]\n[[group]]\n", 'two groups have the name "all"'),
         ("[[group]]\nconfidence = 1\n", "confidence is 1: must be from 0.5 to below 1"),
         ('[[group]]\nconfidence = "x"\n', '"confidence" must be a number'),
         ("[group]\n", '"group" must be a list of tables; write [[group]]'),
         ("[[group]]\nfail-on = 'total'\n", '--fail-on "total": must be PATH:+N'),
         ("[[limits]]\nfail-on = 'total:+1%'\n", '"match" must be a text'),
-        ("[[limits]]\nmatch = 'x/*'\n", 'no pair is called like "x/*"'),
+        ("[[limits]]\nmatch = 'x/*'\n", 'no pair has a name that matches "x/*"'),
     ],
 )
 def test_wrong_tables(gate: Invoke, text: str, said: str) -> None:
@@ -348,7 +352,7 @@ def test_an_update_of_some(gate: Invoke) -> None:
     }
     before = Path("base.json").read_bytes()
     answer = gate("--update-baseline", "--only", "fast/*", "--only", "none")
-    assert (answer.status, '--only "none": no pair is called so' in answer.err) == (2, True)
+    assert (answer.status, '--only "none": no pair has such a name' in answer.err) == (2, True)
     assert Path("base.json").read_bytes() == before
     assert gate("--only", "slow/*").status == 2
 
@@ -425,7 +429,9 @@ def test_a_baseline_in_conflict_is_resolved_by_an_update_of_some(gate: Invoke, s
     assert b"<<<<<<<" in before
     answer = gate()
     assert answer.status == 2
-    said = "base.json: has a merge conflict; --update-baseline --only slow/2 makes what conflicts"
+    said = (
+        "base.json: has a merge conflict; --update-baseline --only slow/2 renews only the entries"
+    )
     assert said in answer.err
     assert gate("--update-baseline", "--only", "fast/*").status == 2
     assert Path("base.json").read_bytes() == before
@@ -439,7 +445,7 @@ def test_a_mark_of_a_conflict_that_was_forgotten(gate: Invoke) -> None:
     write("base.json", f"<<<<<<< HEAD\n{text}")
     answer = gate()
     assert answer.status == 2
-    assert "base.json: has a merge conflict; delete the lines of its marks" in answer.err
+    assert "base.json: has a merge conflict; delete the conflict markers" in answer.err
 
 
 # --- whether the tracker ran ----------------------------------------------------------------------
@@ -690,8 +696,8 @@ def test_a_truth_is_that_of_the_target(against: Invoke, gate: Invoke) -> None:
     answer = against()
     assert answer.status == 2
     said = " ".join(answer.out.split())
-    assert "slow/1: data/slow/1/truth.csv: is another one in main, which judges" in said
-    assert "the first state that differs: a at 3: 3.0, 0.0 -> 3.5, 0.0 (was -> is; since main)" in (
+    assert "slow/1: data/slow/1/truth.csv: differs from the file in main, which judges" in said
+    assert "first state that differs: a at 3: 3.0, 0.0 -> 3.5, 0.0 (was -> is; since main)" in (
         said
     )
     assert groups(against("--format", "json"))["slow"]["verdict"] == "not comparable"
@@ -719,7 +725,7 @@ def test_a_truth_that_changed_since_its_baseline(
     assert answer.status == 2
     out = " ".join(answer.out.split())
     assert "slow/1: not judged on the same " in out
-    assert f"the first state that differs: {said} (was -> is; since " in out
+    assert f"first state that differs: {said} (was -> is; since " in out
     assert "--resample" not in out
 
 
@@ -732,10 +738,10 @@ def test_variables_that_set_nothing_are_named(
     files = ("data/slow/1/truth.csv", "out/slow/1.csv")
     for answer in (gate(), invoke("inspect", *files), invoke(*files)):
         assert answer.status == 0
-        assert "TGOSPA_EVAL_CUTTOFF: sets nothing; did you mean TGOSPA_EVAL_CUTOFF?" in answer.err
-        assert "TGOSPA_EVAL_GROUP: sets nothing" in answer.err
+        assert "TGOSPA_EVAL_CUTTOFF: has no effect; did you mean TGOSPA_EVAL_CUTOFF?" in answer.err
+        assert "TGOSPA_EVAL_GROUP: has no effect" in answer.err
         assert "TGOSPA_EVAL_GAMMA" not in answer.err
-    assert "--group is for the command line alone" in gate().err
+    assert "--group is only for the command line" in gate().err
 
 
 @pytest.mark.parametrize("gone", ["data/slow", "data/slow/1", "out/slow", "out/slow/1.csv"])
@@ -832,7 +838,9 @@ def test_files_that_options_name_are_the_target_s(against: Invoke) -> None:
     write("regions.csv", "left,top,width,height\n-900,-900,1800,1800\n")
     answer = against()
     assert answer.status == 2
-    assert "regions.csv: is another one in main, which judges" in " ".join(answer.out.split())
+    assert "regions.csv: differs from the file in main, which judges" in " ".join(
+        answer.out.split()
+    )
 
 
 def test_a_baseline_that_is_updated_passes_nothing(against: Invoke, gate: Invoke) -> None:
@@ -870,7 +878,7 @@ def test_variables_count_for_nothing(
     answer = invoke("gate", "--suite", "suite.toml", "--against", "main")
     assert answer.status == 1
     assert "TGOSPA_EVAL_CUTOFF" in answer.err
-    assert "ignored, main judges" in answer.err
+    assert "ignored; main judges" in answer.err
     assert invoke("gate", "--against", "main", "-q").status == 2  # no suite is named
     for name in values:
         monkeypatch.delenv(f"TGOSPA_EVAL_{name}")
@@ -934,7 +942,7 @@ def test_an_error_is_in_the_folder_too(gate: Invoke) -> None:
     assert gate("-o", "report").status == 0
     write("base.json", "{")
     assert gate("-o", "report").status == 2
-    assert "base.json: is no baseline" in Path("report/gate.md").read_text(encoding="utf-8")
+    assert "base.json: is not a baseline" in Path("report/gate.md").read_text(encoding="utf-8")
 
 
 def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: Invoke) -> None:
@@ -956,10 +964,10 @@ def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--against", "no"), "is no git revision that is here"),
+        (("--against", "no"), "is not a git revision in this repository"),
         (("--against", "data"), "write ./data for the folder"),
-        (("--against", "HEAD:ci"), "is no git revision that is here"),
-        (("--against=--output=x",), "is no git revision that is here"),
+        (("--against", "HEAD:ci"), "is not a git revision in this repository"),
+        (("--against=--output=x",), "is not a git revision in this repository"),
         (("--against", "./none"), "there is no such folder"),
         (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
         (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
@@ -1070,7 +1078,7 @@ def test_markdown_of_a_broken_baseline_says_so(gate: Invoke) -> None:
     write("base.json", "{")
     answer = gate("--format", "markdown")
     assert answer.status == 2
-    assert "base.json: is no baseline" in answer.out
+    assert "base.json: is not a baseline" in answer.out
 
 
 def test_names_differ_where_they_differ(gate: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:

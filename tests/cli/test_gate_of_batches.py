@@ -69,7 +69,7 @@ def test_jobs_that_are_missing_or_failed_do_not_pass(batch: Invoke, invoke: Invo
     batch("fewer", "--allow-missing")
     answer = invoke("gate", "old", "fewer")
     assert answer.status == 2
-    assert "b/2: in the baseline and not in fewer" in answer.out
+    assert "b/2: in the baseline, but not in fewer" in answer.out
     answer = invoke("gate", "fewer", "old")
     assert (answer.status, "b/2: not in fewer" in answer.out) == (2, True)
     Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
@@ -145,12 +145,12 @@ def test_a_store_is_the_baseline_of_a_suite(batch: Invoke, invoke: Invoke) -> No
 
 
 WRONG = (
-    (("old", "gt/1.csv"), "gt/1.csv: holds no batch, and old does"),
-    (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: stores are compared as they are"),
-    (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: stores are compared as they are"),
-    (("old",), "no baseline: name it with --baseline FILE; limits of --max need none"),
+    (("old", "gt/1.csv"), "gt/1.csv: is not a batch, but old is"),
+    (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
+    (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
+    (("old",), "no baseline: name it with --baseline FILE; --max needs none"),
     (("old", "old", "--baseline", "b.json"), "name the baseline once"),
-    (("old", "--baseline", "old", "--update-baseline"), "is a batch, which tgospa-eval batch"),
+    (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
     (("old", "--update-baseline"), "no baseline: name the file to make"),
     (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
 )

@@ -95,7 +95,9 @@ def test_a_run_without_rows_fails(gate: Invoke) -> None:
     assert found["b"]["verdict"] != "fail"
     dead = found["a"]["rules"][0]
     assert (dead["rule"], dead["verdict"], dead["upper"]) == ("no dead run", "fail", STEPS)
-    assert "a/3: is dead: it misses 12 of 12 states of the truth" in found["a"]["notes"][0]
+    assert (
+        "a/3: the tracker failed: it misses 12 of 12 ground-truth states" in found["a"]["notes"][0]
+    )
     # Whatever the limit says, and where nothing else is judged.
     write("suite.toml", SUITE.replace("+2%", "+900%"))
     assert gate().status == 1
@@ -154,9 +156,9 @@ def test_a_scene_far_outside_what_its_seeds_do_fails(gate: Invoke) -> None:
     found = groups(answer)
     (rule,) = found["b"]["rules"]
     assert rule["verdict"] == "fail"
-    assert rule["inference"]["jump"] == "far outside what its seeds do"
+    assert rule["inference"]["jump"] == "far outside the spread of its seeds"
     assert {found[name]["rules"][0]["inference"]["jump"] for name in "ac"} == {""}
-    assert "unlikely to be seeds: far outside what its seeds do" in gate().out
+    assert "unlikely to be noise of seeds: far outside the spread of its seeds" in gate().out
 
 
 def test_a_run_far_outside_fails_and_is_named(gate: Invoke) -> None:
@@ -164,7 +166,7 @@ def test_a_run_far_outside_fails_and_is_named(gate: Invoke) -> None:
     runs(2, scenes="c", seeds=[4], factor=11)
     (rule,) = groups(gate("--format", "json"))["c"]["rules"]
     assert rule["verdict"] == "fail"
-    assert rule["inference"]["jump"] == "c/4: far outside what runs of scene c do"
+    assert rule["inference"]["jump"] == "c/4: far outside the spread of the runs of scene c"
 
 
 def test_equal_runs_are_no_jump(gate: Invoke) -> None:
@@ -254,7 +256,7 @@ def test_the_oldest_night_goes_and_the_same_night_is_none(gate: Invoke) -> None:
     assert entries() == kept
     assert gate().status == 0
     said = " ".join(gate("--update-baseline", "--only", "a/*").out.split())
-    assert "one night in place of 10; --add keeps those of the same data" in said
+    assert "one night replaces 10; --add keeps those of the same data" in said
     assert "nights" not in entries()["a/1"]
     assert gate("--add").status == 2
 
@@ -265,7 +267,7 @@ def test_nights_of_other_data_are_left_out(gate: Invoke) -> None:
     for path in ("data/a/1/truth.csv", "out/a/1.csv"):
         write(path, Path(path).read_text(encoding="utf-8").replace("a,3,3,", "a,3,3.5,"))
     said = gate("--update-baseline", "--add").out
-    assert "one night in place of 2" in said
+    assert "one night replaces 2" in said
     assert "nights" not in entries()["a/1"]
     assert len(entries()["a/2"]["nights"]) == 1
 

@@ -95,7 +95,7 @@ def test_wide_cells_go_on_below(invoke: Run, write: Write) -> None:
     assert "headers            t=TimeStamp                   t=TimeStamp" in lines
     assert "both have rows at t = 5.8 only" in lines
     assert "  nearer than the cutoff c = 10 m: 100.0 %" in lines
-    for number in ("1 rows", "1 steps", "1 truths"):
+    for number in ("1 rows", "1 steps", "1 states"):
         assert number not in answer.out
 
 
@@ -118,7 +118,7 @@ def test_a_cutoff_is_suggested_with_its_reason(invoke: Run, write: Write) -> Non
     near = "3 times the median distance, 0.3, rounded up; 100 % of the truths have an estimate"
     done = invoke("inspect", truth, write("e.csv", rows(100, 0.3, 4)), "--unit", "m")
     lines = " ".join(done.out.split())
-    assert f"cutoff to begin with, c = 1 m: {near} nearer than that" in lines
+    assert f"suggested cutoff c = 1 m: {near} nearer than that" in lines
     assert max(map(len, done.out.splitlines())) <= 80
     crowd = write("t.csv", rows(0.8, 0, 4)), write("e.csv", rows(0.8, 0.3, 4))
     document = json.loads(invoke("inspect", *crowd, "--format", "json").out)

@@ -99,7 +99,7 @@ def test_points_are_compared_and_covariances_judged(invoke: Invoke) -> None:
     assert answer.status == 3
     assert "truth.csv: --with nees: its states have neither covariances" in answer.err
     answer = invoke("truth.csv", "kf.csv", *METRIC, "--by", "class", "--with", "nees,gospa")
-    assert "--with takes all rows together" in answer.err
+    assert "--with evaluates all classes together" in answer.err
 
 
 def test_objects_and_particles_have_a_nees_as_points() -> None:
@@ -183,8 +183,8 @@ def test_of_a_calibrated_filter_95_percent_are_inside() -> None:
         (("nees.inside:0.99..,nees:..9",), 1, "at least 0.99 allowed by nees.inside>=0.99"),
         (("nees:..",), 2, "must be PATH:LEAST..MOST"),
         (("nees:b..9",), 2, "must be PATH:LEAST..MOST"),
-        (("nees.inside:+0.1",), 2, "nees.inside is worse the less it is: PATH:-N"),
-        (("total:-1",), 2, "total is worse the larger it is: PATH:+N"),
+        (("nees.inside:+0.1",), 2, "nees.inside is better when larger: PATH:-N"),
+        (("total:-1",), 2, "total is better when smaller: PATH:+N"),
     ],
 )
 def test_gate_rules_of_absolute_ranges(
@@ -221,7 +221,7 @@ def test_gate_rules_against_a_baseline(invoke: Invoke) -> None:
     Path("b.json").write_text(json.dumps(saved))
     answer = invoke("gate", "truth.csv", "kf.csv", *asked)
     assert answer.status == 2
-    assert "pair.values.nees has other numbers than its sums make" in answer.err
+    assert "pair.values.nees does not follow from its sums" in answer.err
     # A baseline that was made without it, and a result that has none.
     invoke("gate", "truth.csv", "kf.csv", "--baseline", "c.json", "-c", "12", "-g", "5", *UPDATE)
     answer = invoke("gate", "truth.csv", "kf.csv", "--baseline", "c.json", "--fail-on", "nees:+1")
@@ -282,7 +282,7 @@ def test_who_reads_only_the_order_sees_what_covariances_made(invoke: Invoke, for
     lines = invoke(*asked, "--format", format).out
     head, _, tables = " ".join(lines.split()).partition("c = 12")
     assert head.index("best first: sure, right") < head.index("sure: covariances are too small")
-    assert "covariances make this order" in head
+    assert "covariances decide this order" in head
     for word in ("means", "spreads", "NEES", "overconfident", "consistent"):
         assert word in tables
     if format == "table":
@@ -293,7 +293,7 @@ def test_python_is_warned_as_well() -> None:
     write_sides("right", 1.0, 1.0)
     write_sides("sure", 1.2, 0.3)
     files = {name: f"{name}.csv" for name in ("right", "sure")}
-    with pytest.warns(TgospaWarning, match="covariances make this order"):
+    with pytest.warns(TgospaWarning, match="covariances decide this order"):
         found = compare("truth.csv", files, 12, 2, 5, distance="gaussian-wasserstein")
     assert list(found.table()["name"]) == ["sure", "right"]
     assert found.table()["nees_mean"][0] > 10 * found.table()["nees_anees"][1]
@@ -303,7 +303,7 @@ def test_python_is_warned_as_well() -> None:
         found = compare("truth.csv", files, 12, 2, 5, with_=("nees", "gospa"))
     assert list(found.table()["name"]) == ["right", "sure"]
     assert {"nees_mean", "gospa_total"} <= {*found.table()}
-    with pytest.raises(ConfigError, match="not for solvers"):
+    with pytest.raises(ConfigError, match="not for comparing solvers"):
         compare("truth.csv", "sure.csv", 12, 2, 5, solvers=["exact"], with_="nees")
 
 
@@ -313,10 +313,10 @@ def test_a_batch_says_it_by_tracker(invoke: Invoke) -> None:
     asked = (*asked, "--by", "tracker", *METRIC[:-2], *GAUSSIAN, "-o", "out")
     text = " ".join(invoke(*asked).out.split())
     assert text.index("best first: sure, right") < text.index("warning: sure: covariances are")
-    assert text.index("covariances make this order") < text.index("tracker RMS-TGOSPA")
+    assert text.index("covariances decide this order") < text.index("tracker RMS-TGOSPA")
     assert "overconfident" in text
     document = json.loads(invoke(*asked, "--format", "json").out)
-    assert any("covariances make this order" in note for note in document["notes"])
+    assert any("covariances decide this order" in note for note in document["notes"])
     groups = {group["tracker"]: group for group in document["groups"]}
     for name, verdict in (("right", "consistent"), ("sure", "overconfident")):
         jobs = [job for job in document["jobs"] if job["label.tracker"] == name]
@@ -332,7 +332,7 @@ def test_a_batch_says_it_by_tracker(invoke: Invoke) -> None:
     assert "| right" in invoke(*report, "--format", "markdown").out
     invoke(*report, "-o", "page")
     page = Path("page/report.html").read_text()
-    assert "covariances make this order" in page
+    assert "covariances decide this order" in page
     assert "overconfident" in page
     # A store is judged by the same rules; one without NEES says so.
     answer = invoke("gate", "out", "--fail-on", "nees:..2.5", "-q")

@@ -97,8 +97,8 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "x"), "must be COLUMN=VALUE[,VALUE]"),
         (("--ignore", "marked"), "truth.csv has no column ignored; for marks of estimates"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
-        (("--ignore", "class=Van", "--by", "class"), "each class is judged by itself"),
-        (("--ignore", "x>1", "--existence", "use"), "does not go together"),
+        (("--ignore", "class=Van", "--by", "class"), "--by class evaluates each class separately"),
+        (("--ignore", "x>1", "--existence", "use"), "cannot be combined"),
         (
             ("--ignore", "outside-truth-steps", "--resample", "1", "--max-gap", "2"),
             "--ignore truth-gaps leaves",

@@ -39,7 +39,7 @@ def test_scales_of_columns_are_those_of_arrays_and_covariances() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"estimate_scale": "z=2"}, '"z" is none of the state columns x,y'),
+        ({"estimate_scale": "z=2"}, '"z" is not a state column; state columns: x,y'),
         ({"truth_scale": "x=0"}, "must be name=number, with a number > 0"),
         ({"truth_scale": "x=1,x=2"}, '"x" is given twice'),
     ],

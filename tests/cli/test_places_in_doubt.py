@@ -197,7 +197,7 @@ def test_a_batch_says_what_evaluate_warns_of(invoke: Invoke) -> None:
     answer = invoke("batch", *patterns, "-c", "20", "-g", "1", "--by", "tracker", "-o", "done")
     text = " ".join(answer.out.split())
     assert "warning: late/1 and 1 more of 4 jobs: the clock of the estimate seems" in text
-    assert "warning: same/1 and 1 more of 4 jobs: the estimate has the very states" in text
+    assert "warning: same/1 and 1 more of 4 jobs: the estimate has exactly the states" in text
     page = Path("done/report.html").read_text(encoding="utf-8")
     assert "<strong>Warning:</strong> <bdi>late/1 and 1 more of 4 jobs: the clock" in page
     with pytest.warns(TgospaWarning, match="late/1 and 1 more"):
@@ -227,7 +227,7 @@ def test_a_proof_that_is_removed_is_told(invoke: Invoke) -> None:
     command = ("truth.csv", "estimate.csv", "-c", "9", "-g", "1", "-q", "-o", "done")
     command += ("--pictures", "none")
     assert invoke(*command, "--proof").err == ""
-    assert "done/proof of the run before is removed" in invoke(*command).err
+    assert "done/proof of an earlier run is removed" in invoke(*command).err
     assert invoke(*command).err == ""
 
 

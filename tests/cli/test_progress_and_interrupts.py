@@ -342,7 +342,7 @@ DRAWING = "from tgospa_eval.show import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""
 
-HEARD = "stopping: what is proven so far follows; Ctrl-C again ends at once"
+HEARD = "stopping: the bounds proven so far follow; Ctrl-C again ends at once"
 
 
 @POSIX
@@ -364,7 +364,7 @@ def test_interrupt(interrupted: Run, invoke: Run, crowd: Pair, lines: str, solve
     assert document["lower_bound"] <= value["upper_bound"]
     assert document["upper_bound"] >= value["lower_bound"]
     assert HEARD in err
-    assert "interrupted: nothing is written to out" in err
+    assert "interrupted: nothing was written to out" in err
 
 
 @POSIX
@@ -381,7 +381,7 @@ def test_interrupt_of_the_pictures(interrupted: Run, quickstart: Pair) -> None:
     status, out, err = interrupted(DRAWING, *quickstart, "-c", "5", "-g", "2", "-o", "out")
     assert status == 130
     assert out.startswith("TGOSPA = ")
-    assert "interrupted: nothing is written to out" in err
+    assert "interrupted: nothing was written to out" in err
 
 
 @POSIX
@@ -404,7 +404,7 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
     status, out, err = interrupted(CLARABEL, *crowd, *HARD[2:], *given)
     assert status == 130
     assert [point["value"] for point in json.loads(out)["points"]] == [10]
-    assert "interrupted: 1 of 3 points are there" in err
+    assert "interrupted: 1 of 3 points are finished" in err
 
 
 @POSIX
@@ -422,5 +422,5 @@ def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     document = json.loads(out)
     assert status == 130
     assert [made["name"] for made in document["runs"]] == ["certified"]
-    assert document["left_out"] == {"exact": "interrupted before its turn"}
+    assert document["left_out"] == {"exact": "not started: interrupted"}
     assert HEARD in err

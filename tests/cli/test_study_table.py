@@ -158,7 +158,7 @@ def test_a_column_that_is_not_there(invoke: Invoke) -> None:
     assert not Path("s").exists()
     answer = invoke("compare", TRUTH, ESTIMATE, *METRIC, "--columns-of-table", "mota")
     assert answer.status == 2
-    assert "--columns-of-table mota: is not there; --with clear adds it" in answer.err
+    assert "--columns-of-table mota: is missing; --with clear adds it" in answer.err
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="TeX is not installed")

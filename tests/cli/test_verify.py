@@ -109,7 +109,7 @@ def test_what_does_not_hold(invoke: Invoke, write: Write) -> None:
     evaluate(*QUICK).proof.save("p")
     answer = invoke("verify", "p", *QUICK)
     assert answer.status == 3
-    assert "p: does not say how the files were read" in answer.err
+    assert "p: does not record how the files were read" in answer.err
 
 
 def test_names_and_times_of_all_kinds(invoke: Invoke, write: Write) -> None:
@@ -568,16 +568,26 @@ SECRET = "API_KEY=abc123"
 @pytest.mark.parametrize(
     ("options", "mine", "status", "message"),
     [
-        ({"ignore_regions": "secret"}, (), 3, "'secret', which is not opened for that alone; name"),
-        ({"ignore_regions": "pipe"}, (), 3, "name yours, with --ignore-regions FILE"),
+        ({"ignore_regions": "secret"}, (), 3, "'secret', which is not opened automatically; name"),
+        ({"ignore_regions": "pipe"}, (), 3, "name your copy with --ignore-regions FILE"),
         ({"region": "secret"}, (), 3, "proof.json, options, region: names a file, 'secret'"),
-        ({"distance": "mahalanobis", "covariance": "secret"}, (), 3, "name yours, with --cov"),
-        ({"inner_cov": "secret"}, (), 3, "name yours, with --inner-cov FILE"),
+        ({"distance": "mahalanobis", "covariance": "secret"}, (), 3, "name your copy with --cov"),
+        ({"inner_cov": "secret"}, (), 3, "name your copy with --inner-cov FILE"),
         ({"step_weights": "secret"}, (), 3, "proof.json, options, step_weights: names a file"),
         ({"ignore_regions": 3}, (), 3, "names a file, 3"),
         ({"ignore_regions": "secret"}, ("--ignore-regions", "r.csv"), 1, "parameter masked"),
-        ({"region": "x=0:9"}, ("--region", "r.csv"), 2, "--region: the proof was written without"),
-        ({}, ("--covariance", "r.csv"), 2, "--covariance: the proof was written without"),
+        (
+            {"region": "x=0:9"},
+            ("--region", "r.csv"),
+            2,
+            "--region: the proof was written without this option",
+        ),
+        (
+            {},
+            ("--covariance", "r.csv"),
+            2,
+            "--covariance: the proof was written without this option",
+        ),
         ({"cutoff": -1}, (), 3, "p: proof.json, options: cutoff is -1"),
         ({"cutoff": "x"}, (), 3, "p: proof.json, options: cutoff is 'x': must be a number"),
         ({"time": [["a"]]}, (), 3, "p: proof.json, options: time is"),

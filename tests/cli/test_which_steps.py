@@ -463,7 +463,7 @@ def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None
     assert document["groups"][1]["per_step"] == pytest.approx((250 / 30) ** 0.5)
     assert {one["name"] for one in document["ranking"]} == {"x", "y"}
     assert {point["t"] for point in document["curves"][0]["points"]} == set(range(1, 21))
-    assert "y/A: 0 rows of the truth and 1 of the estimate at other times than the" in answer.err
+    assert "y/A: 0 rows of the truth and 1 of the estimate are left out: no" in answer.err
     # The same of a single evaluation.
     single = invoke(
         "gt/A/gt/gt.txt", "out/y/data/A.txt", *GIVEN, "--steps", "1:10", "--format", "json"
@@ -513,7 +513,7 @@ def test_options_that_say_which_steps_count_win(
         ("10.0", 'line 3: seqLength is "10.0"'),
         ("10000001", "the number of frames, 1 to 10,000,000"),
         ("1" * 5000, "line 3: seqLength is"),
-        ("10\nseqLength=11", "seqLength is there twice, and differs"),
+        ("10\nseqLength=11", "seqLength is given twice, with different values"),
         ("10\nauthor=\udcfc", "line 4: not UTF-8 (byte 0xfc); save it as UTF-8"),
     ],
 )
@@ -532,7 +532,7 @@ def test_a_seqinfo_without_meaning_is_named(invoke: Invoke, length: str, message
 def test_sequences_without_a_length_keep_the_steps_of_their_truth(invoke: Invoke) -> None:
     Path("gt/A/seqinfo.ini").write_text("\ufeff[Sequence]\r\nname=A\r\n", encoding="utf-8")
     answer = invoke(*MOT)
-    notice = "gt: no seqinfo.ini with seqLength for A: per step divides by the times of the truth's"
+    notice = "gt: no seqinfo.ini with seqLength for A: values per step divide by the number of"
     assert answer.status == 0
     assert answer.err.count(notice) == 1
     assert jobs(answer)["judged.steps"].tolist() == [3, 20, 3, 20]

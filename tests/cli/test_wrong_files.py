@@ -133,5 +133,7 @@ def test_folders_of_sequences(invoke: Run, tmp_path: Path, monkeypatch: pytest.M
     assert "for all 10: tgospa-eval batch --truth 'gt/{name}.txt'" in invoke("gt", "res").err
     monkeypatch.chdir("res")
     answer = invoke("*.csv", "A-1.txt")
-    assert "*.csv: no file fits this pattern; this folder has 0.txt, 1.txt, 2.txt and" in answer.err
+    assert (
+        "*.csv: no file matches this pattern; this folder has 0.txt, 1.txt, 2.txt and" in answer.err
+    )
     assert "for one of them: tgospa-eval inspect 0.txt" in invoke("inspect", ".").err

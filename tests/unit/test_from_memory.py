@@ -114,7 +114,7 @@ def test_runs_that_do_not_fit(study: tuple[np.ndarray, dict[str, np.ndarray]]) -
             function(truth[0], {**estimates, "far": truth[0]}, **GIVEN)
         with pytest.raises(InputError, match=r"^truth, column run: blank id"):
             function(blank, estimates, **GIVEN)
-    with pytest.raises(ConfigError, match="sides in memory are truth and estimate"):
+    with pytest.raises(ConfigError, match="data in memory: give truth and estimate"):
         batch(truth=truth, **GIVEN)
     with pytest.raises(ConfigError, match="reports needs output"):
         batch(truth, estimates, reports=True, **GIVEN)

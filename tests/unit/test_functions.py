@@ -69,11 +69,11 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
-    with pytest.raises(ConfigError, match='with_ takes all rows together, not by="class"'):
+    with pytest.raises(ConfigError, match='with_ evaluates all classes together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
-    with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
+    with pytest.raises(ConfigError, match="similarity is not supported with step"):
         evaluate([], [], similarity=1, step_weights=[1.0])
-    with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
+    with pytest.raises(ConfigError, match=r"scale is for .*, not for a distance given as a record"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
 
 
@@ -83,7 +83,7 @@ def test_every_option_is_a_keyword() -> None:
         ({"columns": "x"}, "columns is for files and tables, and truth is none"),
         ({"decimal": ","}, "decimal is for files and tables"),
         ({"estimate_columns": "x"}, "estimate_columns is for files and tables, and estimate is"),
-        ({"solver": Certified(), "gap": 0.1}, "gap is for a solver by its name"),
+        ({"solver": Certified(), "gap": 0.1}, "gap is for a solver given by name"),
         ({"fix_cov": "no"}, "fix_cov is 'no': must be True or False"),
         ({"max_input": "much"}, "max_input is 'much': must be a number"),
         ({"max_input": -1}, "max_input is -1: must be 0 or more"),
@@ -223,7 +223,7 @@ def test_gate_and_the_command_know_each_other(
     assert not any("--" in note for note in undecided.notes)
     with pytest.raises(ConfigError, match='fail_on "total": must be'):
         gate(*quickstart, theirs, fail_on="total")
-    with pytest.raises(ConfigError, match="is no baseline"):
+    with pytest.raises(ConfigError, match="is not a baseline"):
         gate(*quickstart, quickstart[0])
 
 
@@ -270,7 +270,7 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.rows["with.gospa.total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert "tracker" in str(found)
     Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=r'^output="store": holds a batch with other settings'):
+    with pytest.raises(ConfigError, match=r'^output="store": has a batch with other settings'):
         batch(**patterns, output="store", workers=1, cutoff=9.0)
     again = batch(**patterns, output="store", workers=1, cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1
@@ -304,7 +304,7 @@ def test_everything_public_prints_as_a_short_table_or_a_sentence() -> None:
             assert "array(" not in text
             assert "object at" not in text
     assert str(result.nees).startswith("NEES 1.672 where 2 is expected")
-    assert str(made).splitlines()[0] == "53 associated, 7 of A and 6 of B alone, in 20 steps"
+    assert str(made).splitlines()[0] == "53 associated, 7 of A and 6 of B unassociated, in 20 steps"
     assert str(made).splitlines()[-1] == "and 56 more; all of them: associations"
 
 
@@ -315,5 +315,5 @@ def test_an_association_has_its_tables_as_other_results_have() -> None:
     assert made.costs["associated"].tolist() == [1]
     with pytest.raises(ConfigError, match=r"no table .pairs.; there are associations, costs"):
         made.table("pairs")
-    with pytest.raises(InputError, match="cross-covariances are those of particles"):
+    with pytest.raises(InputError, match="cross-covariances need particles"):
         print(made.cross_covariances)

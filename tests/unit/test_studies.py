@@ -114,5 +114,5 @@ def test_pictures_that_are_not_there(studies: dict[str, Reportable]) -> None:
     study: Any = studies["solvers"]
     with pytest.raises(ConfigError, match="plot_cumulative is not for solvers; there are plot_t"):
         study.plot_cumulative()
-    with pytest.raises(ConfigError, match="no errors of sinkhorn are seen"):
+    with pytest.raises(ConfigError, match="no errors of sinkhorn to draw"):
         study.plot_error_over_epsilon()

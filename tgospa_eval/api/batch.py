@@ -290,7 +290,7 @@ def batch(
         sides, paths = (paths[0], paths[1]), ()
     if not all(side is None or is_path(side) for side in sides):
         if paths or layout or any(side is None for side in sides):
-            raise ConfigError("sides in memory are truth and estimate, and nothing beside them")
+            raise ConfigError("data in memory: give truth and estimate, and nothing else")
         plan = pairs.of_memory(*sides, mapping)
     elif mapping is not None:
         raise ConfigError(f"{option('mapping')} is for tracks and arrays in memory")
@@ -320,7 +320,7 @@ def batch(
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
         except ConfigError as error:  # the rows are stored already
-            messages.append(f"the page is not written: {error}")
+            messages.append(f"the page was not written: {error}")
     messages += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=text) for text in messages])
     return done
@@ -422,8 +422,8 @@ def _check_options(batch: BatchOptions) -> None:
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError(
-            f"{option('scheduler')} has the workers that it has: {option('workers')} is for "
-            "processes"
+            f"{option('scheduler')} has its own workers: {option('workers')} is for processes on "
+            "this machine"
         )
 
 
@@ -500,17 +500,18 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
         lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
     if plan.faults and not batch.allow_missing:
         some = (
-            f"; {option('seqmap', metavar='FILE')} takes the sequences in that file alone"
+            f"; {option('seqmap', metavar='FILE')} evaluates only the sequences in that file"
             if batch.layout
             else ""
         )
         raise ConfigError(
-            *lines, f"nothing is begun; {option('allow_missing')} goes on with the others{some}"
+            *lines,
+            f"nothing was evaluated; {option('allow_missing')} evaluates the other jobs{some}",
         )
     for text in lines:
         notify(text)
     if not plan.jobs:
-        raise ConfigError("there is no job")
+        raise ConfigError("no jobs to evaluate")
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
@@ -620,9 +621,9 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
         for done, row in enumerate(rows, 1):
             if os.path.exists(row.pop(batch_row.UNSEEN, "")):
                 raise ConfigError(
-                    f"{option('scheduler')}: {row['message']}: workers read and write files by "
-                    "themselves, under the same paths on a file system that all share; what is "
-                    "stored stays, and the same command goes on from there"
+                    f"{option('scheduler')}: {row['message']}: all workers must reach the files "
+                    "under the same paths, on a shared file system; finished jobs are kept, and "
+                    "the same command resumes"
                 )
             pending.append(row)
             if row["status"] == "failed":
@@ -676,7 +677,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
         rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
             f"{job_name(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
-            f"{of_estimate:,} of the estimate at other times than the declared steps are left out"
+            f"{of_estimate:,} of the estimate are left out: no declared step has their time"
         )
 
 

@@ -314,7 +314,7 @@ def compare(
     if chosen:
         if options.get("with_"):
             raise ConfigError(
-                f"{option('with_')} is for estimates that are ranked, not for solvers"
+                f"{option('with_')} is for ranking estimates, not for comparing solvers"
             )
         document = solvers_on(pairs, cast("Any", truth), cast("Any", estimates), chosen)
     else:
@@ -348,8 +348,8 @@ def _named(estimates: object) -> "Mapping[str, Any]":
         named = {"estimate": cast("Runs", estimates)}
     if not named:
         raise ConfigError(
-            "estimates must be a mapping from name to estimate, or a list of different paths, at "
-            "least one; of a single estimate solvers are compared, solvers=('certified', 'exact')"
+            "estimates must be a mapping from name to estimate, or a list of different paths; to "
+            "compare solvers on a single estimate: solvers=('certified', 'exact')"
         )
     return named
 
@@ -514,7 +514,7 @@ def solvers_on(
     solver_runs.warm_up(chosen)
     runs = [made for made, _ in solver_runs.compare_solvers(prepared, chosen, stopwatch.progress)]
     for solver in chosen[len(runs) :]:
-        left_out[solver_runs.name_of(solver)] = "interrupted before its turn"
+        left_out[solver_runs.name_of(solver)] = "not started: interrupted"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in solver_runs.ONCE.items()}
     return solver_runs.solvers_document(runs, prepared, left_out, once, pairs.warnings)
 
@@ -541,11 +541,13 @@ def are_saved(paths: Sequence[str]) -> bool:
     if not all(saved):
         other, one = paths[saved.index(False)], paths[saved.index(True)]
         raise ConfigError(
-            f"{other or quoted(other)}: is no saved result, but {one} is; {MADE_BY}; name results "
-            "alone, or the files of truth and estimates alone"
+            f"{other or quoted(other)}: is not a saved result, but {one} is; {MADE_BY}; name only "
+            "results, or only files of truth and estimates"
         )
     if len(paths) == 1 and not is_pattern(paths[0]):
-        raise ConfigError(f"{paths[0]}: is a single saved result; name those to rank it with")
+        raise ConfigError(
+            f"{paths[0]}: is a single saved result; name other results to rank it with"
+        )
     return True
 
 
@@ -561,7 +563,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):
         path = paths[marked.index(False)]
-        raise ConfigError(f"{path}: has no *, but other results have; it stands for the run")
+        raise ConfigError(f"{path}: has no * for the run, but other results have")
     runs = [
         [saved_result(path) or path for path in (first, *rest)]
         for first, rest in expand(paths[0], paths[1:])

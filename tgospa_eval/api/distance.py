@@ -42,9 +42,7 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
     if size is None:
         unused = [name for name in given if name not in shared]
         if unused:
-            raise ConfigError(
-                f"{option(unused[0])} is for {option('reduce', metavar='N')}, which is missing"
-            )
+            raise ConfigError(f"{option(unused[0])} needs {option('reduce', metavar='N')}")
         return None
     method = given.pop("reduce_method", "sliced")
     for name in [name for name in given if method not in OPTION_SPECS[name].methods]:
@@ -93,7 +91,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
     if pair or (pairwise and inner == "mahalanobis" and path is None and plain):
         if not pairwise or not plain:
             raise ConfigError(
-                f"{option('inner_cov', 'pair')} makes no metric, and is for associate with "
+                f"{option('inner_cov', 'pair')} is not a metric; it is for associate with "
                 "cloud-wasserstein; take global or a file"
             )
         return PairCloudWasserstein(**settings)
@@ -152,7 +150,7 @@ class DistanceOptions:
         for name, about in OPTION_SPECS.items():
             is_free = not about.whose or name in allowed
             if not is_free and _is_given(getattr(options, name), DEFAULTS[name]):
-                other = "a record with settings of its own" if self.is_record else self.named.name
+                other = "a distance given as a record" if self.is_record else self.named.name
                 way = (
                     f"; of local axes {option('scale', 'z=W')} is the same"
                     if name == "vertical_weight"
@@ -205,7 +203,7 @@ class DistanceOptions:
         """
         if not self.chosen and columns[:2] == PLACES:
             raise ConfigError(
-                "lat,lon are degrees, whose differences are no lengths: choose "
+                "lat,lon are degrees, not lengths: choose "
                 f"{option('distance', 'haversine')} or geodesic, in metres; "
                 f"{option('distance', 'euclidean')} takes them as plain numbers"
             )
@@ -236,8 +234,8 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
         warnings.append(
             Notice(
                 text=f"cutoff {cutoff:g} is above {distance.largest:g}, the largest distance of "
-                f"{distance.name}: all pairs of a step count as near, also those that share "
-                "nothing; time and memory grow with all pairs"
+                f"{distance.name}: every pair of a step is a possible match, even without "
+                "overlap; this needs more time and memory"
             )
         )
     return warnings
@@ -290,7 +288,7 @@ def _by_column(
     unknown = [name for name in numbers if name not in columns]
     if unknown:
         raise ConfigError(
-            f"{option(keyword)}: {quoted(unknown[0])} is none of the state columns "
-            f"{','.join(columns)}; choose them with {option('columns')}"
+            f"{option(keyword)}: {quoted(unknown[0])} is not a state column; state columns: "
+            f"{','.join(columns)} (see {option('columns')})"
         )
     return tuple(numbers.get(name, other) for name in columns)

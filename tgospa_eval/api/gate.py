@@ -220,8 +220,8 @@ def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> s
         if was != is_:
             shown = [", ".join(map(repr, state)) or "nothing" for state in (was, is_)]
             when = (before.get(key) or now[key])[0]
-            return f"the first state that differs: {key[1]} at {when}: {' -> '.join(shown)}"
-    return "no state differs in what is evaluated"
+            return f"first state that differs: {key[1]} at {when}: {' -> '.join(shown)}"
+    return "no evaluated state differs"
 
 
 def _with_faults(
@@ -246,7 +246,7 @@ def _with_faults(
         files = [pair.truth, *(str(file) for file in named if file)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
-            fault = f"{other[0]}: is another one in {target.where}, which judges"
+            fault = f"{other[0]}: differs from the file in {target.where}, which judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
         # Of a scene that the target knows, runs with other seeds are judged in their group.
@@ -355,8 +355,8 @@ def _task(
     options = Request.of({**given, **nees})
     if options.outage == "none" and any(rule.absolute for rule in rules):
         raise ConfigError(
-            f"{gate.prefix(pair.name)}{option('outage', 'none')}: limits of a gate are for all "
-            "that a tracker had to report, and its silences are not charged; leave it out, or "
+            f"{gate.prefix(pair.name)}{option('outage', 'none')}: limits need all that a tracker "
+            "had to report, but its outages are not counted here; leave out this option or "
             f"{option('limits')}"
         )
     return JobTask(
@@ -424,9 +424,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     if gate.proof:
         typed.append("proof")
     if typed:
-        raise ConfigError(
-            f"{option(typed[0])}: stores are compared as they are, nothing is evaluated"
-        )
+        raise ConfigError(f"{option(typed[0])}: not for stores, which are compared as they are")
     if gate.sources.get("suite") == "commandline":
         raise ConfigError(f"give a store or {option('suite')}, not both")
     if second is None:
@@ -437,7 +435,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
             f"{option('baseline', metavar='FILE')}"
         )
     if not is_store(second):
-        raise ConfigError(f"{second}: holds no batch, and {first} does; name two stores or one")
+        raise ConfigError(f"{second}: is not a batch, but {first} is; name two stores or one")
     return second, first
 
 
@@ -454,11 +452,11 @@ def _stored(folder: str, path: str) -> dict[str, judge.Evaluated]:
     store = Store(folder)
     options, table = store.settings()["options"], store.rows()
     if not len(table):
-        raise InputError(f"{folder}: no job of this batch is done")
+        raise InputError(f"{folder}: no job of this batch is finished")
     unknown = next((name for name in options if name not in NAMES.values()), None)
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
-        raise InputError(f"{file}: options.{unknown}: is no option; make it anew with batch")
+        raise InputError(f"{file}: options.{unknown}: is not an option; run batch again")
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge.Evaluated] = {}
     for values in table.to_dict("records"):

@@ -94,11 +94,12 @@ def parts_in_words(
         return None
     size, given = size_text(needed), option("memory", size_text(limit))
     if can_be_divided(paths):
-        return f"{' and '.join(paths)} take some {size} in memory, more than {given} allows"
+        return f"{' and '.join(paths)} need about {size} of memory, more than {given} allows"
     if options.memory is None:
         return None  # whoever reads them sees what there is
     raise MemoryTooSmallError(
-        f"{' and '.join(paths)} take some {size} in memory, more than {given} allows; only CSV and "
+        f"{' and '.join(paths)} need about {size} of memory, more than {given} allows; only CSV "
+        "and "
         f"Parquet files are read in parts: allow {option('memory', size)}"
     )
 

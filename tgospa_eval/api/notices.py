@@ -52,8 +52,8 @@ def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
     ):
         yield Notice(
             code="same-data",
-            text="the estimate has the very states of the truth",
-            remedy="see that it is the file that the tracker wrote",
+            text="the estimate has exactly the states of the truth",
+            remedy="check that it is the file that the tracker wrote",
         )
 
 
@@ -119,8 +119,8 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
         yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
     elif truth:
         yield (
-            "the truth has no covariances: against points a smaller reported covariance always "
-            "costs less, whether it is right or not"
+            "the truth has no covariances: a smaller covariance of the estimate always costs "
+            "less, right or wrong"
         )
 
 
@@ -161,12 +161,12 @@ def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]
             missed = 0 if bounds is None else int(np.count_nonzero(~bounds.met(result.gap)))
             if missed:
                 where = f"{counted(missed, what)}{of}"
-                yield f"accuracy not reached at {where}, asked was {result.gap:g}"
+                yield f"accuracy not reached at {where}; requested: {result.gap:g}"
         return
-    gap_note = f", asked was {result.gap:g}" if resolved.evaluation.solver.proves else ""
+    gap_note = f"; requested: {result.gap:g}" if resolved.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
-        narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
+        narrowest = f"; bounds are rounded outward, the smallest gap is {NARROWEST:g}"
     yield (
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
         f"{result.relative_gap:.2g}{gap_note}{narrowest}"

@@ -70,7 +70,7 @@ def find_place(path: str) -> Place | None:
     """Return what is at a path, unless it is a file or nothing."""
     if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
-        inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
+        inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "it has no tables"
         return f"{path}: is a folder, not a file; {inside}", (path, files)
     pattern = re.search(r"[*?[]", path)
     if pattern is None or os.path.lexists(path):
@@ -81,13 +81,15 @@ def find_place(path: str) -> Place | None:
     names = sorted(name for name in glob.glob(path) if os.path.isfile(name))
     if names:
         files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in names)
-        message = f"{path}: is a pattern, not a file; it fits {listed(names, FILES_SHOWN)}"
+        message = f"{path}: is a pattern, not a file; it matches {listed(names, FILES_SHOWN)}"
         return message, (folder, files)
     files = tuple(_files(folder or "."))
     inside = (
-        f"{folder or 'this folder'} has {listed(files, FILES_SHOWN)}" if files else "there is none"
+        f"{folder or 'this folder'} has {listed(files, FILES_SHOWN)}"
+        if files
+        else "the folder has no tables"
     )
-    return f"{path}: no file fits this pattern; {inside}", (folder, files)
+    return f"{path}: no file matches this pattern; {inside}", (folder, files)
 
 
 def _files(folder: str) -> Iterator[str]:
@@ -133,7 +135,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         if all(len(some) == 1 for some in files) and files[0] != files[1]:
             yield _type(*(some.pop() for some in files))
         elif all(places):
-            yield "no file of one has the name of a file of the other: name a pair"
+            yield "the folders have no file names in common: name a pair of files"
         return
     name = names[0]
     yield _type(truth[name], estimate[name])

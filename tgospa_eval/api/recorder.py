@@ -108,7 +108,7 @@ class Recorder:
             kind, before = _kind(spread), self._kinds.get(name)
             if names and before not in (None, kind):
                 raise InputError(
-                    f"{where}, {name}: {kind}, before {before}; all of a side are of one kind"
+                    f"{where}, {name}: {kind}, before {before}; a side has states of one kind"
                 )
             if array.shape[1]:
                 size = size or (array.shape[1], f"{name} at t = {t}")
@@ -135,11 +135,11 @@ class Recorder:
             except (TypeError, ValueError):
                 raise InputError(
                     f"{where}: {type(t).__name__} after {type(last).__name__} ({last}); all times "
-                    "are of one kind"
+                    "must have one type"
                 ) from None
             if not later:
-                again = "is there already" if t == last else "time goes back"
-                raise InputError(f"{where}: {again}, the update before was at {last}")
+                again = "this time was already given" if t == last else "time goes back"
+                raise InputError(f"{where}: {again}; the previous update was at {last}")
 
     @property
     def truth(self) -> Trajectories:
@@ -215,7 +215,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
     names = [id_text(value, where) for value in listed]
     if len(set(names)) < len(names):
         twice = next(text for k, text in enumerate(names) if text in names[:k])
-        raise InputError(f"{where}: id {quoted(twice)} is there twice")
+        raise InputError(f"{where}: id {quoted(twice)} is a duplicate")
     if names and hasattr(states, "__len__") and len(states) == len(names):
         first = states if hasattr(states, "__array__") else [array_of(states[0], where)]
         if np.ndim(first) == PARTICLES:
@@ -224,7 +224,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
             clouds = _particles(states, weights, where)
             return names, clouds.means, clouds
     if weights is not None and names:
-        raise InputError(f"{where}: weights are of particles, arrays (N, d) for each id")
+        raise InputError(f"{where}: weights are only for particles, arrays (N, d) for each id")
     array = np.array(numbers_of(array_of(states, where), where))
     if not array.size and not names:
         return names, np.zeros((0, 0)), None
@@ -265,4 +265,4 @@ def _particles(states: Any, weights: Any, where: str) -> Clouds:
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     except ValueError:
-        raise InputError(f"{where}: particles of unlike numbers of components") from None
+        raise InputError(f"{where}: particles have different numbers of components") from None

@@ -166,12 +166,13 @@ def _resolved(options: Request) -> ResolvedRequest:
     other_metrics, nees = tuple(name for name in requested if name != NEES), NEES in requested
     if options.by and other_metrics:
         raise ConfigError(
-            f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
-            f"class by {option('class_', metavar='NAME')}"
+            f"{option('with_')} evaluates all classes together, not {option('by', 'class')}; "
+            f"choose one class by {option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(
-            f"{option('similarity')} is of the mean over steps, not for {option('step_weights')}"
+            f"{option('similarity')} is not supported with {option('step_weights')}: it scores "
+            "the plain mean over steps"
         )
     measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
@@ -317,9 +318,8 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
     if options.existence == "use":
         raise ConfigError(
-            f"{option('existence', 'use')} does not go together with {option('ignore')}, "
-            f"{option('ignore_regions')} and {option('preprocess')} NAME:ignore; leave one of "
-            "them out"
+            f"{option('existence', 'use')} cannot be combined with {option('ignore')}, "
+            f"{option('ignore_regions')} and {option('preprocess')} NAME:ignore"
         )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     rules = replace(
@@ -327,8 +327,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
     )
     if IN_REGIONS in rules.texts and rules.regions is None:
         raise ConfigError(
-            f"{option('ignore', IN_REGIONS)}: needs {option('ignore_regions', metavar='FILE')}, "
-            "which has them"
+            f"{option('ignore', IN_REGIONS)}: needs {option('ignore_regions', metavar='FILE')}"
         )
     if options.max_speed is not None and not (rules.gaps and 0 <= speed < math.inf):
         raise ConfigError(
@@ -337,8 +336,8 @@ def _ignoring(options: Request) -> "Ignoring | None":
         )
     if rules.classes and options.by:
         raise ConfigError(
-            f"{option('ignore', 'class=NAME')}: with {option('by', 'class')} each class is judged "
-            f"by itself; choose one by {option('class_', metavar='NAME')}"
+            f"{option('ignore', 'class=NAME')}: {option('by', 'class')} evaluates each class "
+            f"separately; choose one by {option('class_', metavar='NAME')}"
         )
     made = options.interpolate == "truth" or options.resample is not None
     if made and OUTSIDE in rules.texts:
@@ -362,7 +361,7 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
     rule = str(options.preprocess)
     if not measure.boxes:
         raise ConfigError(
-            f"{option('preprocess', rule)}: looks at boxes; choose {option('distance', 'iou')}"
+            f"{option('preprocess', rule)}: needs boxes; choose {option('distance', 'iou')}"
         )
     if rule.startswith("uadetrac"):
         return truth
@@ -371,7 +370,8 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
         return truth
     if options.by:
         raise ConfigError(
-            f"{option('preprocess', rule)}: is of one class, not {option('by', 'class')}"
+            f"{option('preprocess', rule)}: evaluates a single class; leave out "
+            f"{option('by', 'class')}"
         )
     truth = replace(truth, by_class=True, class_for=option("preprocess"))
     if rule.startswith("motchallenge"):
@@ -417,8 +417,8 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
     frames = Frames(frames=(truth, estimate), origin=begin)
     if frames.begin and measure.named.on_earth:
         raise ConfigError(
-            f"{option('distance', measure.named.name)} compares places on the Earth, and "
-            f"{option('origin')} brings both sides to local metres: leave {option('distance')} out"
+            f"{option('distance', measure.named.name)} compares lat,lon, but {option('origin')} "
+            f"converts both files to local metres: leave {option('distance')} out"
         )
     return frames
 
@@ -518,10 +518,7 @@ def _solver(options: Request) -> Solver:
     if not isinstance(options.solver, str):
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:
-                raise ConfigError(
-                    f"{option(name)} is for a solver by its name, not for a record with "
-                    "settings of its own"
-                )
+                raise ConfigError(f"{option(name)} is for a solver given by name, not for a record")
         return as_solver(options.solver)
     settings: dict[str, float | None] = {"time_limit": options.time_limit}
     if options.solver != "exact":

@@ -432,6 +432,6 @@ class ResultInParts(Showable, PartitionedResult):
 
     def _refuse(self, name: str) -> NoReturn:
         raise ConfigError(
-            f"{name}: not supported for data in parts, whose states are not in memory; evaluate a "
-            "part of them, by time or region"
+            f"{name}: not supported for data in parts; evaluate a part of the data that fits into "
+            "memory, by time or region"
         )

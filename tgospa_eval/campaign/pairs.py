@@ -196,16 +196,16 @@ def of_patterns(
             continue
         whole = os.path.join(folders[1], path)
         if patterns.is_ambiguous(estimate, path):
-            faults.append(f"{whole}: the fields of {estimate} fit it in two ways")
+            faults.append(f"{whole}: the fields of {estimate} match it in two ways")
             continue
         theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
         if not _is_there(theirs_truth, inside):
-            faults.append(f"{whole}: there is no truth {theirs_truth}")
+            faults.append(f"{whole}: ground truth {theirs_truth} does not exist")
             continue
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
         what = "file" if file_of(estimate) == estimate else "variable of a file"
-        raise ConfigError(f"{option('estimate', estimate)}: no {what} is like this", *notices)
+        raise ConfigError(f"{option('estimate', estimate)}: no {what} matches", *notices)
     groups = groups_of((job.labels for job in jobs), [name for name in theirs if name not in own])
     known = {frozenset(job.labels.items()) for job in jobs}
     for values, group in itertools.product(truths, groups):
@@ -279,7 +279,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
         below = (values for _, values in patterns.matching_paths(f"{inner}/{shape}", folder))
         near += sorted({os.path.join(folder, patterns.fill(inner, values)) for values in below})
     name = f"; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}" if near else ""
-    return f"{folder}: has no {shape}, which {option('layout', layout)} looks for{name}"
+    return f"{folder}: has no {shape}, as {option('layout', layout)} needs{name}"
 
 
 def read_sequences(path: str) -> list[str]:
@@ -287,7 +287,7 @@ def read_sequences(path: str) -> list[str]:
     names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
-        raise InputError(f"{path}: names no sequence; a seqmap has one a line")
+        raise InputError(f"{path}: has no sequence; a seqmap names one a line")
     return names
 
 
@@ -321,8 +321,8 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
             frames |= _frames_of_seqmap(path, missing) if path and missing else {}
     missing = [name for name in names if frames[name] is None]
     notice = (
-        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: per step divides by the "
-        "times of the truth's file"
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: values per step divide by "
+        "the number of times in the ground truth"
     )
     return replace(
         plan,
@@ -348,7 +348,7 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
             )
         ranges.add((1, length))
     if len(ranges) > 1:
-        raise InputError(f"{path}: seqLength is there twice, and differs")
+        raise InputError(f"{path}: seqLength is given twice, with different values")
     return ranges.pop() if ranges else None
 
 
@@ -368,7 +368,9 @@ def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int,
                 f"and the one after the last, from 0 to {MAX_STEPS:,}, such as 000000 000154"
             )
         if frames.setdefault(words[0], (first, end - 1)) != (first, end - 1):
-            raise InputError(f"{path}, line {number}: {words[0]} is there twice, and differs")
+            raise InputError(
+                f"{path}, line {number}: {words[0]} is given twice, with different values"
+            )
     return frames
 
 
@@ -398,7 +400,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         raise InputError(f"{path}, line 1: a manifest has the columns truth and estimate")
     head, folder = rows[0], os.path.dirname(path)
     if len(set(head)) < len(head):
-        raise InputError(f"{path}, line 1: a column is named twice")
+        raise InputError(f"{path}, line 1: a column name is a duplicate")
     jobs, faults = [], []
     for line, row in zip(lines[1:], rows[1:], strict=True):
         if len(row) != len(head):
@@ -419,7 +421,8 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         key = (*job.labels.items(), *job.options.items())
         if key in keys:
             raise InputError(
-                f"{path}: two rows are {quoted(job.title)}; a column tells them apart, such as run"
+                f"{path}: two rows have the name {quoted(job.title)}; add a column with different "
+                "values, such as run"
             )
         keys.add(key)
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
@@ -452,8 +455,8 @@ def runs_in_memory(
         own = [("", side)] * (1 if k else len(names)) if own is None else own
         if len(own) != len(names):
             raise InputError(
-                f"{first} has {counted(len(names), 'run')}, {name} {len(own)}: all have the same "
-                "runs, and the truth may be one for all; a run without objects is []"
+                f"{first} has {counted(len(names), 'run')}, {name} {len(own)}: all must have the "
+                "same runs, or one truth for all; a run without objects is []"
             )
         wrong = next((run for run, _ in own if run and run not in names), None)
         if wrong is not None:
@@ -570,7 +573,9 @@ def compared_runs(
         groups = groups_of(_values(path, files, left.values()), own_fields)
         for text in itertools.chain(*(group.values() for group in groups)):
             if own and patterns.fields(text):
-                raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
+                raise InputError(
+                    f"{path}: matches {text}, which has braces like a field; rename it"
+                )
         kept = {name: f"{{{name}}}" for name in own}
         groups.sort(key=lambda group: tuple(map(natural, group.values())))
         each += [patterns.fill(path, kept | group) for group in groups]
@@ -595,23 +600,21 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
         raise ConfigError(f"{stars[0]}: has a *, and {fielded} has fields; choose one of them")
     for path in paths:
         if path in stars and path.count("*") > 1:
-            raise ConfigError(f"{path}: one * is needed, it stands for the run")
+            raise ConfigError(f"{path}: must have one *, for the run")
         if stars and path not in marked and path != truth:
-            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+            raise ConfigError(f"{path}: has no * for the run, but other files have")
     own = ["run"] if stars else _fields(truth)
     for path in estimates:
         missing = [] if stars else [name for name in own if name not in _fields(path)]
         if missing:
-            raise ConfigError(
-                f"{path}: has no {{{missing[0]}}}, but {truth} has; it stands for the run"
-            )
+            raise ConfigError(f"{path}: has no {{{missing[0]}}}, but {truth} has")
     there = {path: list(_values(path)) for path in marked}
     runs = sorted(there[marked[0]], key=lambda values: [natural(values[name]) for name in own])
     for path in marked[1:]:
         for values in (values for values in runs if values not in there[path]):
             raise InputError(f"{_file(path, values)}: no such file; other patterns have it")
         for values in (values for values in there[path] if values not in runs):
-            raise InputError(f"{_file(path, values)}: has no counterpart in other patterns")
+            raise InputError(f"{_file(path, values)}: the other patterns have no such run")
     return [(_file(truth, values), [_file(path, values) for path in estimates]) for values in runs]
 
 
@@ -658,7 +661,7 @@ def _values(
         raise InputError(f"{pattern}: no such files", *notices)
     for path, values in matches:
         if patterns.is_ambiguous(shape, path):
-            raise InputError(f"{path}: the fields of {pattern} fit it in two ways")
+            raise InputError(f"{path}: the fields of {pattern} match it in two ways")
         yield values
 
 

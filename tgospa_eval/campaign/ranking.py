@@ -137,25 +137,25 @@ def differences(document: Json, step: Json, steps: Sequence[int], order: float) 
         else "0, as is TGOSPA"
     )
     yield (
-        f"per-step GOSPA, summed, is {share}: every step takes its cheapest assignment, and no "
-        "change from step to step costs anything"
+        f"per-step GOSPA, summed, is {share}: every step has its own cheapest assignment, and "
+        "changes between steps cost nothing"
     )
     count = step["steps_differing"]
     yield (
-        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps TGOSPA "
-        "found another assignment than the cheapest of that step alone"
+        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps the "
+        "assignment of TGOSPA is not the cheapest of that step"
         if count
-        else "TGOSPA found the assignment of every step that is the cheapest of that step alone"
+        else "the assignment of TGOSPA is the cheapest at every step"
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]
         text = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.4g}"
         if made:
-            text += ": it charges what the cheapest assignments happen to need"
+            text += ": it counts the changes between the cheapest assignments"
         if halves:
             text += (
                 f", and {halves / 2:.4g} for {_count(halves, 'change')} from a track to none or "
-                "back, as at every miss; TGOSPA keeps the pair through a miss at no cost"
+                "back, as at every miss; in TGOSPA the pair stays through a miss at no cost"
             )
         yield text
     if step["stone_soup"] != step["mathworks"]:
@@ -167,7 +167,7 @@ def differences(document: Json, step: Json, steps: Sequence[int], order: float) 
         if order != 2:
             yield (
                 f"Stone Soup adds switches with the exponent 2 though p = {order:g}: its values "
-                "are no sums of costs"
+                "are not sums of costs"
             )
 
 
@@ -500,7 +500,7 @@ def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
         yield Notice(
             code="order-by-covariances",
             text=f"{best['name']} has smaller errors of means than {first['name']}, cost "
-            f"{' against '.join(costs)}: covariances make this order",
+            f"{' against '.join(costs)}: covariances decide this order",
             remedy=f"compare means and NEES as well, or {option('distance', 'euclidean')}",
         )
 
@@ -582,7 +582,7 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
     ]
     left_out = sorted({name for metrics in each for name in metrics} - {*shared, *BESIDE})
     notices = [
-        Notice(text=f"not shown: {name}; it needs a single run, and all results of it")
+        Notice(text=f"not shown: {name}; only for a single run of which all results have it")
         for name in left_out
     ]
     return [{name: metrics[name] for name in shared} for metrics in each[: len(runs[0])]], notices
@@ -634,7 +634,7 @@ def _ranking(
     column = LABEL + label
     if any(OWN_MARKS in json.loads(text).get("ignore", ()) for text in part["parameters"].unique()):
         yield (
-            f"{label} is not ranked: its estimates say themselves what they are not judged by "
+            f"{label} is not ranked: its estimates themselves mark states that are not judged "
             f"({option('ignore', OWN_MARKS)})"
         )
         return
@@ -644,14 +644,14 @@ def _ranking(
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
     if len(names) < 2:
-        yield f"{label} has one value alone: there is nothing to rank"
+        yield f"{label} has only one value: nothing to rank"
         return
     if len(names) > MAX_COMPARED:
         yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"
         return
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
-        yield f"no truth is evaluated with all values of {label}: they are not ranked"
+        yield f"{label} is not ranked: no truth is evaluated with all its values"
         return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():

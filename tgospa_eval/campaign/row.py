@@ -207,7 +207,7 @@ def column_fault(
     """
     for name, kind in columns.items():
         if table.column_names.count(name) != 1:
-            there = "is there twice" if name in table.column_names else "is missing"
+            there = "is a duplicate" if name in table.column_names else "is missing"
             return f"column {name}: {there}; expected {kind.name}"
         row = _first_wrong(table[name], kind)
         if row is not None:
@@ -285,7 +285,7 @@ def _contradictions(
         sums = of_text.get(STORED_NEES, {}).get(own.get(STORED_NEES))
         record = {name: own.get(f"{NEES}.{name}") for name in ("anees", "inside")}
         if sums and not fits_sums(record | {"mean": own[NEES], "sums": sums}):
-            yield row, f"{NEES} has other numbers than its sums make"
+            yield row, f"{NEES} does not follow from its sums"
         slicings = of_text.get(STORED_SLICES, {}).get(own.get(STORED_SLICES))
         wrong = saved.slices_fault(slicings or (), own)
         if wrong:
@@ -398,8 +398,8 @@ def same_data(
             shown = " and ".join(f"[{one.lower:.12g}, {one.upper:.12g}]" for one in (own, other))
             raise SolverError(
                 f"{' and '.join(map(quoted, names))} have the same data, and their brackets "
-                f"{shown} have no value in common: one of them is wrong; evaluate both again with "
-                "this version"
+                f"{shown} do not overlap: one of them is wrong; evaluate both again with this "
+                "version"
             )
     return bool(alike) and all(alike)
 

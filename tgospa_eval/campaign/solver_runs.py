@@ -182,8 +182,8 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
     """
     if KERNEL == "numpy" and any(solver.name == "sinkhorn" for solver in solvers):
         raise ConfigError(
-            f"{option('solvers', 'sinkhorn')}: without compiled kernels it is the same linear "
-            "programme as certified, and no approximation to compare; choose certified,exact, or "
+            f"{option('solvers', 'sinkhorn')}: without compiled kernels it solves the same linear "
+            "programme as certified, not an approximation; choose certified,exact, or "
             "install with a C compiler at hand"
         )
     names = list(map(name_of, solvers))

@@ -71,7 +71,7 @@ OF_SOME_STEPS = dict.fromkeys(
 
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
-ANEW = "delete the file, and batch does its jobs again"
+ANEW = "delete the file; batch then evaluates its jobs again"
 """Remedy for a part that is wrong."""
 
 
@@ -176,7 +176,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
             # A job is searched once, where it begins.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
-                raise ValueError("the steps of a job are not in order")
+                raise ValueError("the steps of a job are not in order of time")
         jobs = known.reindex(
             pd.MultiIndex.from_frame(table.loc[first, ["key", "finished"]].astype({"key": str}))
         )
@@ -248,8 +248,8 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
             _take(stack, folder, shard)
         except (BlockingIOError, PermissionError):
             raise ConfigError(
-                f"{option('output', said or folder, short=True)}: another process is at work on "
-                "it; wait, or name another"
+                f"{option('output', said or folder, short=True)}: another process uses it; wait, "
+                "or name another folder"
             ) from None
         except OSError as error:
             if error.errno not in NO_LOCKS:
@@ -331,7 +331,7 @@ class Store:
             if not path.exists():
                 if any(not name.startswith(".") for name in os.listdir(self.folder)):
                     raise ConfigError(
-                        f"{option('output', self.folder, short=True)}: is not empty, and no "
+                        f"{option('output', self.folder, short=True)}: is not empty and not a "
                         "batch; name another folder"
                     )
                 # Several shards may begin at once: all write the same, and later ones compare.
@@ -350,7 +350,7 @@ class Store:
         ]
         if differing:
             raise ConfigError(
-                f"{option('output', self.folder, short=True)}: holds a batch with other settings: "
+                f"{option('output', self.folder, short=True)}: has a batch with other settings: "
                 f"{'; '.join(differing)}; name another folder"
             )
 
@@ -364,7 +364,7 @@ class Store:
         """
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
-            raise InputError(f"{self.folder}: holds no batch: {SETTINGS_FILE} is missing")
+            raise InputError(f"{self.folder}: is not a batch: {SETTINGS_FILE} is missing")
         return documents.read_document(
             str(path), SCHEMA, SETTINGS, remedy="make it anew with batch"
         )

@@ -426,7 +426,7 @@ def _curves(
             f"counts up to its last step; {option('over', 'stamps')} keeps its stamps"
         )
     elif runs.is_scattered:
-        bands = f"; more than {MAX_BANDED:,} times have no bands" if runs.many else ""
+        bands = f"; bands are only for up to {MAX_BANDED:,} times" if runs.many else ""
         notes.append(
             "at most times half of the runs or fewer have a step, and the others count with "
             f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"

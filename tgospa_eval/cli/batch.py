@@ -71,7 +71,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     checked_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
-            raise click.UsageError("batch report takes one folder, a store")
+            raise click.UsageError("batch report takes one folder: a store")
         _check_typed(ctx)
         store = Store(paths[1])
         store.settings()
@@ -90,7 +90,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         try:
             _write(done.store, tables, output)
         except ConfigError as error:  # the rows are stored already
-            print_notice(f"the page is not written: {error}")
+            print_notice(f"the page was not written: {error}")
     for text in () if output.quiet else done.notices:
         print_notice(text)
     for text in done.faults:
@@ -129,5 +129,5 @@ def _check_typed(ctx: click.Context) -> None:
     for name in ctx.params:
         if name in given and name not in OF_REPORT:
             raise click.UsageError(
-                f"{dashed(name)} is for evaluating; batch report shows what is stored"
+                f"{dashed(name)} is only for evaluating; batch report shows stored results"
             )

@@ -85,12 +85,12 @@ def command(
     given = typed_options(ctx)
     if "by" in given:
         raise click.UsageError(
-            "--by class: explain takes all rows together; choose one class by --class NAME"
+            "--by class: explain evaluates all classes together; choose one class by --class NAME"
         )
     if "preprocess" in given:
         raise click.UsageError(
-            "--preprocess: what it leaves out depends on the repair; explain files without such "
-            "objects"
+            "--preprocess is not supported by explain: what it leaves out changes with the repair; "
+            "remove such objects from the files"
         )
     if output is None and given & {"apply", "force"}:
         raise click.UsageError(f"--{min(given & {'apply', 'force'})} is for the file of -o")
@@ -116,7 +116,7 @@ def command(
         try:
             repaired = explanation.repaired(apply)
         except ConfigError as error:
-            raise ConfigError(f"--apply {apply}: {error}; nothing is written") from None
+            raise ConfigError(f"--apply {apply}: {error}; nothing was written") from None
         write_file(output, TABLES[ending](repaired), "-o")
         if not shown.quiet:
             text = explanation.repairs[apply - 1].text
@@ -124,7 +124,7 @@ def command(
             if (request.truth_crs, request.estimate_crs) != (None, None):
                 frame = "enu" if "x" in repaired.columns else ",".join(repaired.columns)
                 print_notice(
-                    f"{output} has the coordinates that were compared: evaluate it with "
+                    f"{output} has the compared coordinates: evaluate it with "
                     f"--estimate-crs {frame}, without --unit-scale and --estimate-scale"
                 )
     makers = explanation_document, Explanation.to_json, Explanation.columns

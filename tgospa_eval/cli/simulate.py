@@ -83,7 +83,7 @@ OPTIONS = (
     ),
     _scene(
         "--seed N",
-        "Seed: the same one makes the same files.",
+        "Seed: the same seed makes the same files.",
         default=0,
         type=click.IntRange(min=0),
     ),
@@ -132,7 +132,7 @@ OPTIONS = (
     _tracker("--latency N", "Number of steps by which reports are late.", default=0),
     _tracker(
         "--false-rate N",
-        "Mean number of false tracks that begin at a step.",
+        "Mean number of new false tracks per step.",
         default=0.02,
     ),
     _tracker(
@@ -162,7 +162,7 @@ def _check_setting(ctx: click.Context) -> None:
         and ctx.get_parameter_source(str(item.name)) is not ParameterSource.DEFAULT
     ]
     if given:
-        raise click.UsageError(f"--setting says what is made: leave out {', '.join(given)}", ctx)
+        raise click.UsageError(f"--setting fixes the scene: leave out {', '.join(given)}", ctx)
 
 
 @click.command("simulate", cls=Verb, params=[*OPTIONS])
@@ -244,9 +244,9 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     return (
         f"{folder}: {name}, {counted(setting.steps, 'step')}; "
         f"{_size_of(truth, 'truth')} in {names[0]}, {counted(count, 'measurement')} in "
-        f"{names[2]}; {_size_of(estimate, 'estimate')} in {names[1]}, the measurements of each "
-        "target as they are, until your tracker's takes its place",
-        f"source: {setting.source}; random numbers are not those of the source",
+        f"{names[2]}; {_size_of(estimate, 'estimate')} in {names[1]}, the raw measurements of "
+        "each target; replace it with your tracker's estimate",
+        f"source: {setting.source}; the random numbers differ from those of the source",
         f"tgospa-eval {_paths(folder, names[:2])} -c {setting.cutoff:g} -p {setting.order:g} "
         f"-g {setting.switch_penalty:g}",
     )

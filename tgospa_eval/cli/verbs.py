@@ -178,7 +178,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     plain = word.lower()
     verbs = [verb for verb, words in VERB_WORDS.items() if plain in words.split()]
     for verb in (verbs or get_close_matches(plain, VERB_WORDS, 1, 0.8))[:1]:
-        raise click.UsageError(f"{word}: neither a verb nor a file; did you mean {verb}?", ctx)
+        raise click.UsageError(f"{word}: not a verb or a file; did you mean {verb}?", ctx)
 
 
 @click.group(

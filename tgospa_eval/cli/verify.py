@@ -141,8 +141,8 @@ def _check_tables(
     proof = there.proof()
     if "options" not in proof:
         raise InputError(
-            f"{folder}: does not say how the files were read, as it was saved from Python; name no "
-            "files, or write it with --proof"
+            f"{folder}: does not record how the files were read, as it was saved from Python; "
+            "name no files, or write it with --proof"
         )
     options = _options(folder, proof["options"], given)
     try:
@@ -208,14 +208,18 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
     options = dict(recorded)
     for name, value in recorded.items():
         if names_file(name, value) and name not in given:
-            yours = f"; name yours, with --{OPTION_SPECS[name].key} FILE" if name in NAMED else ""
+            yours = (
+                f"; name your copy with --{OPTION_SPECS[name].key} FILE" if name in NAMED else ""
+            )
             raise InputError(
-                f"{folder}: proof.json, options, {name}: names a file, {value!r:.80}, which is not "
-                f"opened for that alone{yours}"
+                f"{folder}: proof.json, options, {name}: names a file, {value!r:.80}, which is "
+                f"not opened automatically{yours}"
             )
     for name, path in given.items():
         if name not in recorded or not names_file(name, recorded[name]):
-            raise click.UsageError(f"--{OPTION_SPECS[name].key}: the proof was written without")
+            raise click.UsageError(
+                f"--{OPTION_SPECS[name].key}: the proof was written without this option"
+            )
         options[name] = path
     return options
 

@@ -286,8 +286,8 @@ def explain(
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
-            f"explain: repairs are not known for {option('resample')}, where a report holds for "
-            "several steps; evaluate at the times of the estimate, "
+            f"explain: repairs are not supported with {option('resample')}, where a report holds "
+            "for several steps; evaluate at the times of the estimate, "
             f"{option('interpolate', 'truth')}"
         )
     without = not_explained(request)
@@ -335,8 +335,8 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
     filters = request.recorded
     if "preprocess" in filters:
         raise ConfigError(
-            f"{option('preprocess')}: what it leaves out depends on the repair; explain files "
-            "without such objects"
+            f"{option('preprocess')} is not supported by explain: what it leaves out changes with "
+            "the repair; remove such objects from the files"
         )
     is_of_rows = not {"where", "estimate_where"}.isdisjoint(filters)
     moving = ("shift",) if "time" in filters or is_of_rows else ()
@@ -431,11 +431,11 @@ def in_words(candidate: Candidate, result: PairEvaluation, offset: dict[str, flo
         "exchange-after": f"join estimate {second} from t = {begin} on to estimate {first}",
         "split": f"split estimate {first} at t = {begin}",
         "drop": f"drop estimate {first}, {span}",
-        "trim": f"cut {span} off estimate {first}",
+        "trim": f"remove {span} from estimate {first}",
         "fill": f"fill the gap of estimate {first}, {span}",
         "extend": f"extend estimate {first} back to t = {begin}",
         "extend-after": f"extend estimate {first} to t = {end}",
         "shift": f"shift the whole estimate {counted(size, 'step')} "
         f"{'later' if edit.shift > 0 else 'earlier'}",
-        "offset": f"take the offset {parts} from the whole estimate",
+        "offset": f"subtract the offset {parts} from the whole estimate",
     }[kind]

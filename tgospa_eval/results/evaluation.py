@@ -275,9 +275,9 @@ class Evaluation(ABC):
             return ""
         truths, absorbed, excused = self.ignored.values()
         return (
-            f"not judged: {counted(int(truths), 'truth state')}, which "
-            f"{number(absorbed)} estimate states follow at no cost, and "
-            f"{counted(int(excused), 'excused estimate state')}; with them it is no metric"
+            f"not judged: {counted(int(truths), 'ground-truth state')} (followed by "
+            f"{number(absorbed)} estimate states at no cost) and "
+            f"{counted(int(excused), 'excused estimate state')}; so TGOSPA is not a metric here"
         )
 
     @property
@@ -536,11 +536,11 @@ class Evaluation(ABC):
         if false_targets is not None:
             calibration = records.Calibration(false_targets=false_targets, score=score)
         if calibration is None:
-            raise ConfigError("similarity: say how many false targets at each step score 0.1")
+            raise ConfigError("similarity: give the number of false targets a step that scores 0.1")
         if "step_weights" in self.settings:
             raise ConfigError(
-                "similarity: the steps are weighted, and the score is of the mean over steps that "
-                "all count the same; leave the weights out"
+                "similarity: the score needs steps that all count the same; leave the step "
+                "weights out"
             )
         bounds, each, root = self.proof.bounds, self.evaluated_on.each, self.proof.outward_root
         return calibration.similarity(
@@ -572,7 +572,7 @@ class Evaluation(ABC):
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
             return f"exact: proven lower and upper bound agree to {digits} digits"
         if self.relative_gap > OPEN:
-            return "proven; the total may be nearly 0"
+            return "proven; the total may be close to 0"
         return f"proven (the totals differ by {number(100 * self.relative_gap, 2)}%)"
 
     @property

@@ -27,9 +27,7 @@ EDIT = ("kind", "text", "shift", "offset", "rows")
 VALUES = ("total", "tgospa", "lower_bound", "upper_bound")
 """Fields of the evaluation after a repair that a record has as they are."""
 
-NOT_ADDITIVE = (
-    "savings do not add up: each is that of its repair alone; apply one, then explain what is left"
-)
+NOT_ADDITIVE = "savings do not add up: apply one repair, then run explain again"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

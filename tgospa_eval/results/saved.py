@@ -324,12 +324,12 @@ def read_result(path: str) -> Json:
     document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, size=LARGEST_RESULT)
     if "per_step" not in document and "tables" in document:
         raise InputError(
-            f"{path}: of data in parts, with more steps than a ranking takes; evaluate parts of "
-            f"the recording, by {option('time')}"
+            f"{path}: a result of data in parts with too many steps to rank; evaluate a part of "
+            f"the recording with {option('time')}"
         )
     wrong = result_fault(document)
     if wrong:
-        raise InputError(f"{path}: {wrong}; evaluate again and save the result anew")
+        raise InputError(f"{path}: {wrong}; evaluate again and save the new result")
     return document
 
 
@@ -350,7 +350,7 @@ def result_fault(document: Json) -> str | None:
     wrong = contradiction(values, document["parameters"])
     wrong = wrong or slices_fault(document.get("slices", ()), document)
     if not wrong and NEES in document and not fits_sums(document[NEES]):
-        wrong = f"{NEES} has other numbers than its sums make"
+        wrong = f"{NEES} does not follow from its sums"
     parts = document.get("by_class", {}).items()
     faults = (
         own and f"by_class.{name}: {own}" for name, part in parts if (own := result_fault(part))

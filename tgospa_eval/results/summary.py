@@ -237,10 +237,10 @@ def rows(
             ("purity {}", n["purity"], percent),
             ("completeness {}", n["completeness"], percent),
             ("{} fragment" + "s" * (n["fragments"] != 1), n["fragments"], plain),
-            ("{} switches an object", n["switches_per_truth"], plain),
+            ("{} switches per object", n["switches_per_truth"], plain),
         ),
         "continuity": words(
-            ("longest stretch {} steps", n["longest_stretch"], plain),
+            ("longest run {} steps", n["longest_stretch"], plain),
             ("first followed after {}", n["time_to_first"], time),
             ("{} between breaks", n["mean_time_between_breaks"], time),
         )

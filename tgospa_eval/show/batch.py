@@ -62,10 +62,10 @@ LINE_NAMES = {
 BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
 
 BANDS: Mapping[BandKind, str] = {
-    "interval": "95 % intervals of the RMS over the runs, from 6 runs on",
-    "bootstrap": "95 % bootstrap intervals of the RMS over the runs, from 6 runs on",
+    "interval": "95 % intervals of the RMS over the runs (at least 6 runs)",
+    "bootstrap": "95 % bootstrap intervals of the RMS over the runs (at least 6 runs)",
     "percentiles": "the 2.5th to the 97.5th percentile of the runs",
-    "deviation": "one standard deviation of the runs to either side",
+    "deviation": "plus and minus one standard deviation of the runs",
 }
 """Names of bands around curves; the first by default."""
 
@@ -870,7 +870,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.population}"
+        yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
@@ -893,31 +893,31 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         "; mean of roots: the plain mean of the values" if "mean_of_roots" in tables.groups else ""
     )
     yield (
-        f"{title}: (sum of the totals / sum of the steps)^(1/p), parts alike; TGOSPA and costs are "
-        f"those of a run, (mean of the totals)^(1/p) and means{roots}"
+        f"{title}: (sum of the totals / sum of the steps)^(1/p), and so for the parts; TGOSPA: "
+        f"(mean of the totals of the runs)^(1/p); costs: means over the runs{roots}"
     )
     steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
     lengths = sorted(set(map(int, steps)))
     if len(lengths) > 1:
         yield (
-            f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long ones "
-            "weigh more, and per step each step weighs the same"
+            f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long jobs weigh "
+            "more; in values per step every step weighs the same"
         )
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
-            f"{of_expected(row['jobs'], row['expected'])} jobs: of the others there is no value; "
-            "all values are without their costs and look better than they are"
+            f"{of_expected(row['jobs'], row['expected'])} jobs: the others have no value; their "
+            "costs are missing, so all values look better than they are"
         )
         break
     opened = int(tables.groups["open"].sum())
     if opened:
         yield (
-            f"{counted(opened, 'job')} did not reach the accuracy that was asked for: values are "
-            "between the proven bounds"
+            f"{counted(opened, 'job')} did not reach the requested accuracy: values are between "
+            "the proven bounds"
         )
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
-        yield "the order and places are proven by the brackets, on these files"
+        yield "order and places are proven for these files, by the bounds"
     if opened:
         yield rendering.SPLIT_NOTE
     for population in dict.fromkeys(
@@ -932,7 +932,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     for ranking in tables.rankings:
         if ranking.left_out:
             names = listed(ranking.left_out, rendering.MAX_NAMED)
-            yield f"{_where(ranking)}{names}: no job with a value, and no place"
+            yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"

@@ -50,7 +50,7 @@ _RESULT = {
         "there are no windows: evaluate with window=, the steps of each",
     ),
 }
-_NO_SWEEPS = "no errors of sinkhorn are seen: compare it at several temperatures"
+_NO_SWEEPS = "no errors of sinkhorn to draw: compare it at several temperatures"
 _NO_STEPS = "no steps of runs are stored: evaluate with per_step=True"
 _CURVES = {
     "curve": Chart("several:draw_curves", absent=_NO_STEPS),

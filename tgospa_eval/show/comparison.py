@@ -17,8 +17,8 @@ from tgospa_eval.results.sweep import Point, SweepEvaluation
 from tgospa_eval.show import rendering, result_text, study_table
 
 TIES = (
-    "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
-    "their ids; other tie rules may count other switches"
+    "if several assignments of a step cost the same, SciPy's is used, with objects in the order "
+    "of their ids; other choices may count other switches"
 )
 
 
@@ -240,7 +240,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
         yield "; ".join(
             [
                 *(text for verdict, text in rendering.PROOFS.items() if verdict in verdicts),
-                "steps -/+: at how many the estimate costs less or more than the first",
+                "steps -/+: number of steps at which the estimate costs less / more than the first",
             ]
         )
     yield rendering.SPLIT_NOTE
@@ -319,10 +319,10 @@ def _agreement(document: Json) -> str:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
         return (
             f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
-            "error of this program or of its arithmetic, not of your data; please report it"
+            "error of this program, not of your data; please report it"
         )
     if referee is None:
-        return "No solver has an answer"
+        return "No solver has a result"
     count = sum(run["total"] is not None for run in document["runs"])
     which = "Both" if count == 2 else f"All {count}"
     subject = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
@@ -420,7 +420,7 @@ FAULTS = ("infinite_errors", "failed", "unfinished")
 FACTS = {
     "failed": "failed",
     "unfinished": "not finished",
-    "infinite_errors": "error without bound, not in its mean,",
+    "infinite_errors": "unbounded error, not in the mean,",
 }
 
 CAPTIONS = {
@@ -455,7 +455,7 @@ def _study_title(document: Json) -> str:
         targets, steps, run, a, b = document["contradictions"][0]
         return (
             f"The brackets of {a} and {b} do not overlap in run {run} of {targets} targets and "
-            f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
+            f"{steps} steps, and maybe in others: one of these proofs is wrong. This is an error "
             "of this program; please report it"
         )
     done = (
@@ -463,7 +463,7 @@ def _study_title(document: Json) -> str:
         f"{counted(runs, 'run')}{' each' if len(sizes) > 1 else ''}"
     )
     if any(made["failed"] for size in sizes for made in size["solvers"]):
-        return f"{done}: solvers failed, all brackets that there are overlap"
+        return f"{done}: some solvers failed; all other brackets overlap"
     return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
@@ -510,8 +510,8 @@ def _rms_table(document: Json) -> rendering.Table:
 
 def _study_notes(document: Json) -> Iterator[str]:
     yield (
-        "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
-        "above the true one, relative; bound's: the lower bound is at most so much below it; "
+        "m targets, T steps; seconds of solving and proof; error: relative, of the total, at "
+        "most; bound's: the same of the lower bound; "
         "+- one standard deviation over the runs"
     )
     yield rendering.SPLIT_NOTE
@@ -519,9 +519,9 @@ def _study_notes(document: Json) -> Iterator[str]:
         where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
         if size["left_out"]:
             yield (
-                f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step, "
-                "for brackets contradict each other or there is none; contradicting ones are left "
-                "out of times and errors too"
+                f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step: "
+                "no bracket, or brackets that contradict each other; the latter also left out of "
+                "times and errors"
             )
         for made in size["solvers"]:
             for name, fact in FACTS.items():

@@ -232,7 +232,7 @@ def write_texts(
     counts = {"file": len(names) - pictures, "picture": pictures}
     parts = [counted(count, what) for what, count in counts.items() if count]
     text = f"wrote {' and '.join(parts)} to {os.path.join(folder, '')}"
-    text += f", removed {removed} of the run before" if removed else ""
+    text += f", removed {removed} of an earlier run" if removed else ""
     shown = [name for name in (kind.opens if kind else ()) if name in names]
     return f"{text}; open {os.path.join(folder, shown[0])}" if shown else text
 
@@ -278,7 +278,7 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
     for name in names:
         if os.path.lexists(path / name) and name not in own:
             raise ConfigError(
-                f"{where}: {name} in it was not written by a run before, or was changed since; "
+                f"{where}: {name} in it was not written by an earlier run, or has changed since; "
                 f"name another folder, or {option('force', True)}"
             )
 
@@ -426,7 +426,9 @@ def check_file(
         if not Path(path).absolute().parent.is_dir():
             raise ConfigError(f"{subject} {path}: there is no such folder; make it first")
     if any(os.path.realpath(path) == os.path.realpath(other) for other in inputs):
-        raise ConfigError(f"{subject} {path}: is read or written otherwise; name another file")
+        raise ConfigError(
+            f"{subject} {path}: is also read or written by this command; name another file"
+        )
     ending = os.path.splitext(path)[1].casefold()
     if suffixes and ending not in suffixes:
         raise ConfigError(f"{subject} {path}: must end in {', '.join(suffixes)}")
@@ -567,7 +569,7 @@ def geojson(result: Evaluation) -> str:
     for name, part in parts.items():
         if not isinstance(part, PairEvaluation):
             raise ConfigError(
-                f"{option('geojson')}: data in parts have no states at hand; evaluate a part"
+                f"{option('geojson')}: not supported for data in parts; evaluate a part"
             )
         places = _places(part)
         features = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]

@@ -55,7 +55,7 @@ def _metric(result: Evaluation) -> str:
 def _data(result: Evaluation) -> str:
     evaluated_on, sizes, settings = result.judged, result.sizes, result.parameters
     chosen = "steps" in settings or "resample" in settings
-    grid = "of a clock that was chosen" if chosen else GRIDS[str(settings.get("grid", "union"))]
+    grid = "of a chosen clock" if chosen else GRIDS[str(settings.get("grid", "union"))]
     states = counted(result.evaluated_on.truth_states, "state")
     ends = f", t = {evaluated_on['first']} to {evaluated_on['last']}" if sizes["steps"] else ""
     return (

@@ -335,7 +335,8 @@ class Lanes:
     def title(self) -> str:
         """The words above."""
         count = len(self.tracks) + len(self.hidden)
-        word = self.side.name + ("" if count == 1 else "s")
+        noun = "object" if self.side.name == "truth" else "estimate"
+        word = noun + ("" if count == 1 else "s")
         quiet = f", {self.quiet:,} of them without miss or switch" if self.quiet else ""
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
@@ -556,7 +557,7 @@ def _switches(
     x = data.time.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
-    return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
+    return {"switch (small: half a switch)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
 def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:

@@ -554,8 +554,8 @@ TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
 """Command for comparisons that are not on this page."""
 
 SPLIT_NOTE = (
-    "split, not proven: localisation, missed, false and switch are those of the assignment that "
-    "was found; the brackets hold for TGOSPA and the total"
+    "split, not proven: localisation, missed, false and switch are those of the best assignment "
+    "found; the bounds are those of TGOSPA and the total"
 )
 
 
@@ -622,7 +622,7 @@ ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
 """Verdicts as the tables have them."""
 
 PROOFS = {
-    "less": "proven: the upper bound of the one is below the lower bound of the other",
+    "less": "proven: the upper bound of one is below the lower bound of the other",
     "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
     "not separated": "open: the bounds of both overlap",
 }
@@ -675,8 +675,8 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
     best = best_of([entry["place"] for entry in entries])
     if best:
         return (
-            f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of "
-            "the others is not proven throughout"
+            f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of the "
+            "others is not fully proven"
         )
     tied = [[entry["name"]] for entry in entries if entry["place"][0] == 1]
     return f"None is proven best by {value}: it may be any of {first_names(tied)}"

@@ -278,15 +278,15 @@ def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iter
     if not slicings:
         return
     yield (
-        "slices: states are those of the truth; localisation, misses and switches go by the truth "
-        "at the step, of a switch at the later one, false targets by their own attribute"
+        "slices: states are those of the truth; false targets are sliced by their own attribute, "
+        "all other costs by that of the object at the step (a switch: at the later step)"
     )
     if all(slicing.unique for slicing in slicings):
-        yield "this split is the only one: no other assignment is as good"
+        yield "this split is unique: no other assignment has the same total"
     elif certified:
-        yield "parts may tie: another best assignment may split the same total otherwise"
+        yield "another best assignment may split the same total in another way"
     else:
-        yield "the split is that of the assignment that was found"
+        yield "the split is that of the best assignment found"
 
 
 SHOWN = 5
@@ -310,9 +310,10 @@ WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of it
 
 UNCERTAIN = (
     "r, s",
-    "probabilities of existence: missed and false targets cost theirs, a pair the smaller one "
-    "times its error and the mismatch |r - s| c^p/2, which is part of localisation. Experimental: "
-    "that switches cost the same whatever r and s are is inferred, not taken from the paper",
+    "probabilities of existence: the costs of missed and false targets are multiplied by them; a "
+    "pair costs the smaller one times its error, plus the mismatch |r - s| c^p/2, which is part "
+    "of localisation. Experimental: the paper does not say that switches cost the same whatever r "
+    "and s are",
 )
 
 
@@ -364,7 +365,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
     return [
         (
             "c",
-            f"{cutoff}, cutoff: no error counts more; {_unassigned(result)}",
+            f"{cutoff}, cutoff: the largest error of a pair; {_unassigned(result)}",
         ),
         (
             "p",
@@ -374,7 +375,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
         (
             "gamma",
             f"{gamma}, switch penalty: changing to another track costs "
-            f"gamma^p = {price}, to or from none half of it",
+            f"gamma^p = {price}; a change to or from no track costs half",
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
@@ -431,7 +432,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
     table = part_table(result, "  ")
     notes = {name: f"  {note}" for name, *_, note in part_rows(result)}
     notes["total"] = (
-        "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
+        "  = TGOSPA^p" if result.certified else "  = upper bound^p: the optimum may cost less"
     )
     rows = [(*row, notes.get(str(row[0]), "")) for row in table.rows]
     yield from text_lines(replace(table, rows=rows, align="lrrrl", widths=(14, 12, 9, 10, 0)))
@@ -541,7 +542,8 @@ def similarity_in_words(result: Evaluation) -> str:
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
-        f"{score.score:.4f}{bracket}, from 0 to 1; {score.false_targets:g} false a step score "
+        f"{score.score:.4f}{bracket}, from 0 to 1; {score.false_targets:g} false targets a step "
+        "score "
         f"{score.score_of_false_targets:g}"
     )
 
@@ -552,7 +554,7 @@ def _curve(result: Evaluation) -> Iterator[str]:
     if bounds is None or not table["t"]:
         return
     met, size = bounds.met(result.gap), len(table["t"])
-    title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
+    title = f"TGOSPA per step, up to each of {size} steps, {_known(met)}"
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
@@ -574,7 +576,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
     title = f"TGOSPA of {counted(size, 'window')} of {windows.size}{every}: {middle}{known}"
-    note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
+    note = "; they do not add up; the worst ones that do not overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _disjoint(windows, np.argsort(-value, kind="stable"))
     names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
@@ -639,7 +641,7 @@ def _repairs(result: Evaluation) -> Iterator[str]:
     yield from (line for note in repair_notes(explanation) for line in wrap(f"  {note}", "  "))
 
 
-WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
+WORST = {"steps": "worst steps", "truth": "worst objects", "estimates": "worst estimates"}
 
 
 def _worst(result: Evaluation) -> list[str]:
@@ -676,7 +678,7 @@ def _switches(result: Evaluation) -> Iterator[str]:
                 f"{option('output', metavar='DIR', short=True)})",
             )
         )
-    head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
+    head = (f"{'switches':<17}{'t':>10}", "object: from -> to")
     yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
 
@@ -722,9 +724,9 @@ def repair_notes(explanation: Explanation) -> Iterator[str]:
     """Yield notes on how the savings are known, and that they do not add up."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
-        yield f"no repair is known to save anything ({several} tried)"
+        yield f"no repair is proven to save anything ({several} tried)"
         return
-    yield f"each alone, from proven bounds before and after; {several} tried"
+    yield f"each saving is for that repair alone, from proven bounds; {several} tried"
     yield NOT_ADDITIVE
 
 
@@ -811,10 +813,10 @@ def association_text(
     """Return the text of an association: counts, at most `limit` rows, and where the rest is."""
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
-        f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
+        f"{count} associated, {rest_a} of A and {rest_b} of B unassociated, in "
         f"{counted(len(pairing.first.times), 'step')}",
-        f"sum {pairing.total:.6g}: distances, and {pairing.cutoff / 2:g} for each state that stays "
-        "alone\n",
+        f"sum {pairing.total:.6g}: distances, plus {pairing.cutoff / 2:g} for each unassociated "
+        "state\n",
     ]
     if rows:
         table = list(zip(*pairing.associations_table().values(), strict=True))

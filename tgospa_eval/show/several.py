@@ -45,7 +45,7 @@ FLOOR = 1e-9
 
 SIZES = ("targets", "steps")
 
-SPENT, ERROR = "seconds, solving and proof", "relative error, at most"
+SPENT, ERROR = "seconds, solving and proof", "relative error, upper bound"
 TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
@@ -342,7 +342,7 @@ AXIS_NAMES = {
     "cutoff": "cutoff $c$",
     "order": "order $p$",
     "switch_penalty": r"switch penalty $\gamma$",
-    "rho": r"price of false targets $\rho$",
+    "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
@@ -383,7 +383,11 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
     made.supxlabel(
         AXIS_NAMES[sweep.parameter]
         + (f" ({literal(sweep.unit)})".replace("$", r"\$") if sweep.unit else "")
-        + ("; grey: missed and false do not change in number" if band is not None else ""),
+        + (
+            "; grey: the numbers of missed and false targets do not change"
+            if band is not None
+            else ""
+        ),
         fontsize="medium",
     )
     return made
@@ -590,7 +594,7 @@ def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
     mesh = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
     what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
     bar = made.colorbar(mesh, ticks=[] if heat["scales"] > 1 else None)
-    own = ", least to largest of the same parameters" if heat["scales"] > 1 else ""
+    own = ", from the smallest to the largest of the same parameters" if heat["scales"] > 1 else ""
     bar.set_label(what + own, parse_math=False)
     axis.set_ylim(len(values), 0)
     if heat["squares"]:

@@ -232,7 +232,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
             yield "mean of roots", [number(mean) for mean in means], []
         elif wanted:
             raise ConfigError(
-                f"{option('columns_of_table', name)}: is not there; {option('mean_of_roots')} of a "
+                f"{option('columns_of_table', name)}: is missing; {option('mean_of_roots')} of a "
                 "batch adds it"
             )
     elif name == "gospa" and any("gospa.total" in row.numbers for row in rows):
@@ -258,7 +258,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     path = f"{metric}.{part}" if metric else f"{SUMMARY}.{own}"
     if not any(path in row.numbers for row in rows) and (metric or own not in NUMBERS):
         more = f"; {option('with_', metric)} adds it" if metric else ""
-        raise ConfigError(f"{option('columns_of_table', name)}: is not there{more}")
+        raise ConfigError(f"{option('columns_of_table', name)}: is missing{more}")
     values = [row.numbers.get(path, math.nan) for row in rows]
     if metric:
         low, cells = part in LOW, [other_value(part, {part: value}) for value in values]

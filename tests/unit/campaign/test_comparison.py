@@ -147,7 +147,7 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
     assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
     assert exact["status"].startswith(told)
     assert "Both brackets overlap" in invoke(*call).out
-    assert invoke(*call, "--solvers", "exact").out.splitlines()[2] == "No solver has an answer"
+    assert invoke(*call, "--solvers", "exact").out.splitlines()[2] == "No solver has a result"
     assert "exact" in invoke(*call, "--format", "csv").out
 
 
@@ -188,8 +188,8 @@ def test_exact_is_left_out_where_it_is_slow(
         (["--by", "class"], 2, "choose one class by --class NAME"),
         (["--by", "class", "--simulate"], 2, "--by is for files, not for --simulate"),
         (["--runs", "3"], 2, "--runs is for --simulate"),
-        (["--simulate"], 2, "--simulate makes its scenes"),
-        (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
+        (["--simulate"], 2, "--simulate makes its own scenes"),
+        (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "with one solver"),
         (["missing.csv"], 3, "missing.csv: no such file"),
         (["."], 3, ".: is a folder, not a file"),
         (["/"], 3, "/: is a folder, not a file"),
@@ -384,17 +384,17 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
     config = write("tgospa-eval.toml", 'by = "class"\n')
     answer = invoke("compare", *paths, "-c", "5", "--config", config)
     assert answer.status == 0
-    assert "by = class of the settings is left aside" in answer.err
+    assert "by = class in the settings is ignored" in answer.err
 
 
 @pytest.mark.parametrize(
     ("files", "patterns", "message"),
     [
         (["1/gt", "2/gt", "1/a"], ["*/gt", "*/a"], "2/a.csv: no such file; other patterns have it"),
-        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: has no counterpart"),
+        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: the other patterns have no such run"),
         (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
         (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
-        (["1/gt", "1/a"], ["*/gt", "*/*"], "one * is needed"),
+        (["1/gt", "1/a"], ["*/gt", "*/*"], "must have one *"),
         (["gt", "a"], ["gt", "a", "a"], "a.csv: is given twice"),
     ],
 )
@@ -473,7 +473,7 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
         (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
         (
             ("gt/{run}.csv", "on/{tracker}/{run}.csv"),
-            "on/{tracker}/{run}.csv: fits {x}, which is like a field itself",
+            "on/{tracker}/{run}.csv: matches {x}, which has braces like a field",
         ),
         (("gt/{run}.csv", "gt/{run}.csv", "{run}.csv"), "r1.csv: no such file"),
         (

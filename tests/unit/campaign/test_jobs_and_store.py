@@ -37,10 +37,10 @@ def test_patterns(tree: Path) -> None:
     assert plan.faults == ("gt/s2.csv: there is no estimate out/b/s2.csv",)
     (tree / "out/b/s9.csv").touch()
     plan = jobs.of_patterns("gt/{sequence}.csv", "out/{tracker}/{sequence}.csv")
-    assert "out/b/s9.csv: there is no truth gt/s9.csv" in plan.faults
+    assert "out/b/s9.csv: ground truth gt/s9.csv does not exist" in plan.faults
     with pytest.raises(ConfigError, match=r'the field \{run\} is not in estimate="'):
         jobs.of_patterns("gt/{run}.csv", "out/{tracker}/{sequence}.csv")
-    with pytest.raises(ConfigError, match="no file is like this"):
+    with pytest.raises(ConfigError, match="no file matches"):
         jobs.of_patterns("gt/{sequence}.csv", "none/{sequence}.csv")
 
 
@@ -49,7 +49,7 @@ def test_a_path_that_fits_a_pattern_in_two_ways(tree: Path) -> None:
         (tree / name).touch()
     plan = jobs.of_patterns("gt/s1.csv", "{tracker}_{run}.csv")
     assert [dict(job.labels) for job in plan.jobs] == [{"tracker": "x", "run": "y"}]
-    assert plan.faults == ("x_y_z.csv: the fields of {tracker}_{run}.csv fit it in two ways",)
+    assert plan.faults == ("x_y_z.csv: the fields of {tracker}_{run}.csv match it in two ways",)
 
 
 def test_layout_and_seqmap(tree: Path, write: Write) -> None:
@@ -61,7 +61,7 @@ def test_layout_and_seqmap(tree: Path, write: Write) -> None:
     assert (job.truth, job.estimate) == (
         os.path.join("g", "s2/gt/gt.txt"), os.path.join("t", "a/data/s2.txt")
     )  # fmt: skip
-    with pytest.raises(InputError, match="names no sequence"):
+    with pytest.raises(InputError, match="has no sequence"):
         jobs.read_sequences(write("map.txt", "name\n"))
 
 
@@ -112,7 +112,7 @@ def test_the_right_level_of_a_layout_is_named(
     touch("trackers/MOT17-train/a/data/s1.txt", "trackers/MOT20-train/{a}/data/s1.txt")
     with pytest.raises(ConfigError) as caught:
         jobs.of_layout("motchallenge", truth, trackers)
-    assert f'which layout="motchallenge" looks for; name {name}' in str(caught.value)
+    assert f'as layout="motchallenge" needs; name {name}' in str(caught.value)
 
 
 def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> None:
@@ -136,7 +136,10 @@ def test_manifest(tree: Path, write: Write) -> None:
         ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
         ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
         ("truth,estimate,run\na,b," + "x" * 200_000, "line 2: field larger than field limit"),
-        ("truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2, "a column tells them apart"),
+        (
+            "truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2,
+            "add a column with different values",
+        ),
     ):
         with pytest.raises(InputError, match=message):
             jobs.of_manifest(write("m.csv", text), ())
@@ -153,11 +156,11 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     store.open(settings_of(5.0))
     with pytest.raises(ConfigError, match=r"options.cutoff was 5.0, is 6.0"):
         store.open(settings_of(6.0))
-    with pytest.raises(InputError, match="holds no batch: "):
+    with pytest.raises(InputError, match="is not a batch: "):
         Store(str(tmp_path)).settings()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").touch()
-    with pytest.raises(ConfigError, match="is not empty, and no batch"):
+    with pytest.raises(ConfigError, match="is not empty and not a batch"):
         Store(str(tmp_path / "other")).open(settings_of(5.0))
 
 

@@ -115,7 +115,7 @@ def test_runs(save: Save, invoke: Invoke) -> None:
     assert ranking(invoke, "a/*")["estimates"][0]["total"] == pytest.approx(5)
     answer = invoke("compare", "a/*", "b/1")
     assert (answer.status, answer.err) == (
-        2, "b/1: has no *, but other results have; it stands for the run\n",
+        2, "b/1: has no * for the run, but other results have\n",
     )  # fmt: skip
 
 
@@ -170,7 +170,9 @@ def test_other_metrics_of_one_run(save: Save, invoke: Invoke) -> None:
     for results in (["a/2", "b/2"], ["a/*", "b/*"]):
         answer = invoke("compare", *results, "--format", "json")
         assert "with" not in json.loads(answer.out)["estimates"][0]
-        assert answer.err == "not shown: gospa; it needs a single run, and all results of it\n"
+        assert (
+            answer.err == "not shown: gospa; only for a single run of which all results have it\n"
+        )
 
 
 def test_warnings_travel(save: Save, invoke: Invoke) -> None:
@@ -184,12 +186,12 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 NO_RANKING = (
     (["moved"], "no order: not judged on the same truth (a, a/result.json: 3 "),
     (["wide"], "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
-    (["a.csv"], "a.csv: is no saved result, but a is; a saved result is the result.json of"),
-    (["none"], "none: is no saved result, but a is"),
-    (["baseline.json"], "baseline.json: is no saved result, but a is"),
+    (["a.csv"], "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
+    (["none"], "none: is not a saved result, but a is"),
+    (["baseline.json"], "baseline.json: is not a saved result, but a is"),
     (["./a"], "a/result.json: is the same as "),
-    ([], "a: is a single saved result; name those to rank it with"),
-    (["b", "--cutoff", "5"], "--cutoff needs the data, and a is a saved result"),
+    ([], "a: is a single saved result; name other results to rank it with"),
+    (["b", "--cutoff", "5"], "--cutoff needs the data, but a is a saved result"),
     (["b", "--against", "per-step-gospa"], "--against needs the data"),
     (["b", "-o", "a"], "--output a: "),
 )

@@ -113,8 +113,8 @@ def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
     ):
         answer = invoke(*small, *options)
         assert answer.status == 2
-        assert f"holds a batch with other settings: options.{name} was " in answer.err
-    assert "1 scene is there, going on" in invoke(*small).err
+        assert f"has a batch with other settings: options.{name} was " in answer.err
+    assert "1 scene is finished, resuming" in invoke(*small).err
     assert len(timeless(tmp_path / "study")) == 5
 
 
@@ -207,7 +207,7 @@ def test_one_process_at_a_time(tmp_path: Path, invoke: Invoke) -> None:
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
     assert invoke(*small).status == 0
     with locked(tmp_path / "runs", (1, 1)):
-        assert "another process is at work on it" in invoke(*small).err
+        assert "another process uses it" in invoke(*small).err
 
 
 def test_report(study: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,7 +229,7 @@ def test_too_few_pairs() -> None:
     assert ranking.comparisons[0]["p_value"] is None
     assert ranking.permutations == 0
     text = words(tables)
-    assert "5 pairs: fewer than 6, nothing can be concluded about other truths" in text
+    assert "5 pairs: fewer than 6, no conclusion about other truths" in text
     assert "interval" not in text
     (row,) = json.loads(batch_report(tables, "json"))["comparisons"]
     assert row["p_value"] is row["lower"] is row["significant"] is None
@@ -282,7 +282,7 @@ def test_only_common_jobs_are_compared() -> None:
     )
     assert tables.groups["jobs"].tolist() == [8, 6, 0]
     assert tables.groups["expected"].tolist() == [8, 8, 8]
-    assert words(tables).count("of the others there is no value") == 1
+    assert words(tables).count("the others have no value") == 1
     for part in ("6 of 8", "0 of 8", "over the 6 jobs that all 2 have, of 8", "c: no job with"):
         assert part in words(tables)
     # Jobs that were never there are missed as well.
@@ -340,8 +340,8 @@ def test_other_parameters_are_other_groups_too() -> None:
 @pytest.mark.parametrize(
     ("rows", "by", "note"),
     [
-        (table({"a": A, "b": B}), "sequence", "no truth is evaluated with all values of sequence"),
-        (table({"a": A}), "tracker", "tracker has one value alone: there is nothing to rank"),
+        (table({"a": A, "b": B}), "sequence", "sequence is not ranked: no truth is evaluated"),
+        (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
         (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
     ],
 )
@@ -455,5 +455,5 @@ def test_a_label_may_be_called_like_a_column() -> None:
 def test_open_jobs_are_counted() -> None:
     rows = pd.concat([table({"a": A}, width=1.0, certified=False), table({"b": A})])
     tables = tabulated(rows.reset_index(drop=True), ["tracker"])
-    assert "8 jobs did not reach the accuracy that was asked for" in words(tables)
+    assert "8 jobs did not reach the requested accuracy" in words(tables)
     assert "accuracy" not in words(tabulated(table({"b": A}), ["tracker"]))

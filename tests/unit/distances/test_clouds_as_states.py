@@ -350,7 +350,7 @@ def test_sliced_from_the_command_line(name: str, write: Write, invoke: Run) -> N
     assert (found.get("localisation_spread") is None) == distance.maximum
     for wrong, message in (
         (("--directions", "1"), "directions is 1: must be a whole number, 2 or more"),
-        (("--reduce-method", "atl"), "--reduce-method is for --reduce N, which is missing"),
+        (("--reduce-method", "atl"), "--reduce-method needs --reduce N"),
     ):
         assert message in invoke(truth, estimate, "--distance", name, *wrong).err
     assert invoke("associate", truth, estimate, "--distance", name, "-c", "9").status == 0
@@ -588,7 +588,7 @@ def test_options_that_do_not_fit(write: Write, invoke: Run) -> None:
     path = write("t.csv", TRUTH)
     for options, message in (
         (("--reduce", "5"), "--reduce is for distances of clouds, not for euclidean"),
-        ((*WHOLE, "--polish", "1"), "--polish is for --reduce N, which is missing"),
+        ((*WHOLE, "--polish", "1"), "--polish needs --reduce N"),
         (
             (*WHOLE, "--reduce", "2", "--reduce-method", "top", "--seed", "1"),
             "--seed is for the methods sliced, recursive, atl, kmeans, systematic, stratified, mul",
@@ -636,15 +636,18 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert costs["distance"][1] == pytest.approx(np.sqrt(far))
     same = *files[:3], "costs.csv", "--force"
     status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *same)
-    assert (status, "--cross-cov costs.csv: is read or written otherwise" in err) == (2, True)
+    assert (status, "--cross-cov costs.csv: is also read or written by this command" in err) == (
+        2,
+        True,
+    )
     status, _, err = invoke("associate", a, b, "-c", "4", "--cost-matrix", b, "--force")
-    assert (status, "--cost-matrix" in err, "is read or written otherwise" in err) == (
+    assert (status, "--cost-matrix" in err, "is also read or written by this command" in err) == (
         2,
         True,
         True,
     )
     status, _, err = invoke("reduce", a, a, "-n", "1", "--force")
-    assert (status, "is read or written otherwise" in err) == (2, True)
+    assert (status, "is also read or written by this command" in err) == (2, True)
     cross = pd.read_csv(tmp_path / "cross.csv")
     np.testing.assert_allclose(
         cross.loc[0, ["cov_x_x", "cov_x_y", "cov_y_x", "cov_y_y"]].astype(float),
@@ -798,7 +801,7 @@ def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> 
     assert 'id "1" and id "b" at t 0' not in err
     assert "the covariance of the pair is singular, too few distinct particles" in err
     status, _, err = invoke(*paths, *pair)
-    assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
+    assert (status, "--inner-cov pair is not a metric; it is for associate" in err) == (2, True)
 
 
 def test_associate_names_its_own_options(write: Write, invoke: Run) -> None:
@@ -867,16 +870,16 @@ def test_associate_points_takes_the_least_sum(write: Write, invoke: Run) -> None
         ["0", "2", "4", "1.0"],
     ]
     status, out, _ = invoke("associate", a, b, "-c", "4")
-    assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
+    assert "2 associated, 0 of A and 0 of B unassociated, in 1 step" in out
     assert invoke("associate", a, b, "-c", "-1")[0] == 2
     status, out, _ = invoke("associate", a, b, "-c", "0.1")
-    assert (status, "0 associated, 2 of A and 2 of B alone" in out) == (0, True)
+    assert (status, "0 associated, 2 of A and 2 of B unassociated" in out) == (0, True)
     nothing = write("none.csv", "id,t,x\n")
     status, out, _ = invoke("associate", nothing, nothing, "-c", "1")
-    assert (status, "0 associated, 0 of A and 0 of B alone, in 0 steps" in out) == (0, True)
+    assert (status, "0 associated, 0 of A and 0 of B unassociated, in 0 steps" in out) == (0, True)
     assert invoke("associate", a, b)[0] == 2
     status, _, err = invoke("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
-    assert (status, "cross-covariances are those of particles" in err) == (3, True)
+    assert (status, "cross-covariances need particles" in err) == (3, True)
 
 
 def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
@@ -921,7 +924,7 @@ def test_reduce_without_pot(
     path = write("in.csv", TRUTH)
     status, out, err = invoke("reduce", path, "out.csv", "-n", "2", "--format", "json")
     assert status == 0
-    assert "no exact distances from the clouds before: distances of particle clouds need the" in err
+    assert "no exact distances to the original clouds: distances of particle clouds need the" in err
     document = json.loads(out)
     assert document["change"]["wasserstein"] is None
     assert document["clouds"][0]["wasserstein"] is None
@@ -1017,7 +1020,7 @@ def test_associate_normal_laws(write: Write, invoke: Run, tmp_path: Path) -> Non
     assert float(row[3]) == pytest.approx(10**0.5, rel=1e-14)
     status, _, err = invoke("associate", a, b, *laws, "--cross-cov", "cross.csv")
     assert status == 3
-    assert "cross-covariances are those of particles, and neither file has any" in err
+    assert "cross-covariances need particles, but neither file has any" in err
 
 
 def test_associate_by_the_covariances_of_each_pair(write: Write, invoke: Run) -> None:

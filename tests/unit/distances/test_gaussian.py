@@ -790,7 +790,7 @@ def test_notices_about_points(write: Write, invoke: Invoke) -> None:
     points, law = write("t.csv", "id,t,x,y\na,1,0,0\n"), write("e.csv", HEADER + GOOD)
     said = invoke(points, law, *GAUSSIAN).err
     assert "t.csv: no columns of covariances (cov_xx, cov_xy, cov_yy): its states are poi" in said
-    assert "a smaller reported covariance always costs less" in said
+    assert "a smaller covariance of the estimate always costs less" in said
     assert "smaller" not in invoke(law, points, *GAUSSIAN).err
     assert "gaussian-wasserstein is the euclidean" in invoke(points, points, *GAUSSIAN).err
     assert "covariances" not in invoke(law, law, *GAUSSIAN, "-q").err

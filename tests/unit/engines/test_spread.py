@@ -123,13 +123,13 @@ def check_locks(folder: Path) -> None:
             pass
         for shard in ((1, 2), (1, 1)):
             with (
-                pytest.raises(ConfigError, match="another process is at work"),
+                pytest.raises(ConfigError, match="another process uses it"),
                 locked(folder, shard),
             ):
                 pass
     with (
         locked(folder, (1, 1)),
-        pytest.raises(ConfigError, match="another process is at work"),
+        pytest.raises(ConfigError, match="another process uses it"),
         locked(folder, (2, 2)),
     ):
         pass

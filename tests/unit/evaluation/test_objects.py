@@ -233,13 +233,13 @@ def test_a_loop(arrays: tuple[np.ndarray, np.ndarray], expected: Result) -> None
 @pytest.mark.parametrize(
     ("update", "message"),
     [
-        ((4, [1], [[0, 0]], [2], [[1, 1]]), "t = 4: time goes back, the update before was at 5"),
-        ((5, [1], [[0, 0]], [2], [[1, 1]]), "t = 5: is there already"),
+        ((4, [1], [[0, 0]], [2], [[1, 1]]), "t = 4: time goes back; the previous update was at 5"),
+        ((5, [1], [[0, 0]], [2], [[1, 1]]), "t = 5: this time was already given"),
         ((float("nan"), [], [], [], []), "no time"),
         (("6", [], [], [], []), "str after int"),
         (([6], [], [], [], []), "no time"),
         ((6, None, [], [], []), "truth: ids are of the type NoneType"),
-        ((6, [1, "1"], [[0, 0], [1, 1]], [], []), 't = 6, truth: id "1" is there twice'),
+        ((6, [1, "1"], [[0, 0], [1, 1]], [], []), 't = 6, truth: id "1" is a duplicate'),
         ((6, [1], [[0, 0, 0]], [], []), "truth: states of 3 components, those of truth at t = 5"),
         ((6, [], [], [1], [[0, 0], [1, 1]]), "estimate: 1 ids and states of shape .2, 2."),
         ((6, [1], [0, 0], [], []), "1 ids and states of shape .2,."),
@@ -284,13 +284,17 @@ def test_a_recorder_keeps_covariances_and_particles() -> None:
     assert cloud.evaluate(**own).total == pytest.approx(total, rel=1e-12)
     assert len(cloud.estimate.ids) == 2
     wrong: list[tuple[Recorder, dict[str, Any], str]] = [
-        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; all of"),
+        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; a side has"),
         (gaussian, {"estimate": mean[0]}, "estimate: points, before states with covariances"),
         (cloud, {"estimate": points[0], "estimate_weights": weights[0, :, 1:]}, r"weights \(8,\)"),
         (cloud, {"estimate": points[0] * np.inf}, "points must be finite"),
-        (cloud, {"estimate": [points[0, 0], points[0, 1, :, :1]]}, "unlike numbers of components"),
+        (
+            cloud,
+            {"estimate": [points[0, 0], points[0, 1, :, :1]]},
+            "different numbers of components",
+        ),
         (gaussian, {"estimate": mean[0], "estimate_covariances": spread[0, 0]}, r"shape \(2, 2\);"),
-        (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are of particles"),
+        (gaussian, {"estimate": mean[0], "estimate_weights": weights[0]}, "are only for particles"),
     ]
     for recorder, arguments, message in wrong:
         with pytest.raises(InputError, match=message):

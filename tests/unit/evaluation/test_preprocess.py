@@ -268,7 +268,7 @@ def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
         ("visdrone", (), "read as kitti; only files of visdrone say what is not judged"),
         ("motchallenge:ignore", (), "read as kitti; only files of motchallenge say"),
         ("kitti:ignore", ("--class", "car", "--existence", "use"),
-         "--existence use does not go together with"),
+         "--existence use cannot be combined with"),
         ("kitti:drop", (), "'kitti:drop' is not one of"),
     ],
 )  # fmt: skip
@@ -282,4 +282,4 @@ def test_wrong_uses(
     assert message in answer.err
     if rule == "kitti" and not words:
         answer = invoke(path, path, "-c", "1", "-g", "1", "--preprocess", rule, "--class", "car")
-        assert "--preprocess kitti: looks at boxes; choose --distance iou" in answer.err
+        assert "--preprocess kitti: needs boxes; choose --distance iou" in answer.err

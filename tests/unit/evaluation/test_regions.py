@@ -170,7 +170,7 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
     assert result.parameters["ignore_regions"] == found["parameters"]["ignore_regions"]
     verdict = invoke("verify", folder, truth, estimate)
     assert verdict.status == 3
-    assert "name yours, with --ignore-regions FILE" in verdict.err
+    assert "name your copy with --ignore-regions FILE" in verdict.err
     again = ("verify", folder, truth, estimate, "--ignore-regions", regions)
     verdict = invoke(*again)
     assert verdict.status == 0, verdict.err
@@ -253,7 +253,7 @@ def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatc
     point = write("p.csv", "id,t,x,y\n1,0,0,0\n")
     asked = (point, point, "-c", "1", "-g", "1", "-q", "--ignore-regions")
     answer = invoke(*asked, circle, "--existence", "use")
-    assert (answer.status, "--existence use does not go together with" in answer.err) == (2, True)
+    assert (answer.status, "--existence use cannot be combined with" in answer.err) == (2, True)
     assert invoke(*asked, "none.csv").status == 3
     with pytest.raises(ConfigError, match="ignore_regions is of the type int"):
         evaluate(point, point, ignore_regions=3)

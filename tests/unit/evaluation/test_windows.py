@@ -276,7 +276,7 @@ def test_table_json_files_and_pictures(
         (out / name).write_text("mine")
         answer = invoke(*options, "-o", str(out), "--pictures", "svg")
         assert answer.status == 2
-        assert f"{name} in it was not written by a run before" in answer.err
+        assert f"{name} in it was not written by an earlier run" in answer.err
         assert (out / name).read_text() == "mine"
         (out / name).unlink()
     assert "windows" not in json.loads(invoke(*quickstart, "-q", "--format", "json").out)
@@ -305,7 +305,7 @@ def test_what_is_not_exact_is_told_as_a_bound(
     assert answer.status == 4
     assert "4 of them upper bounds" in " ".join(answer.out.split())
     assert " <= " in answer.out
-    assert "accuracy not reached at 4 windows, asked was 1e-09" in answer.err
+    assert "accuracy not reached at 4 windows; requested: 1e-09" in answer.err
 
 
 def test_windows_of_classes_add_up(invoke: Invoke, write: Write) -> None:

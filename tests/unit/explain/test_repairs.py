@@ -232,7 +232,7 @@ def test_the_rules_of_a_benchmark_depend_on_the_repair() -> None:
     sides, request = result.source
     request = replace(request, recorded={"preprocess": "kitti"})
     result = replace(result, source=(sides, request))
-    with pytest.raises(ConfigError, match="what it leaves out depends on the repair"):
+    with pytest.raises(ConfigError, match="what it leaves out changes with the repair"):
         result.explain()
 
 

@@ -632,7 +632,7 @@ def test_columns_of_one_sensor(invoke: Run, write: Write) -> None:
     files = write("a.csv", STANDARD), write("b.csv", ODD)
     assert "--b-columns t=when" in invoke("associate", *files, "-c", "5").err
     done = invoke("associate", *files, "-c", "5", "--b-columns", "id=TrackId,t=when")
-    assert "2 associated, 0 of A and 0 of B alone, in 2 steps" in done.out
+    assert "2 associated, 0 of A and 0 of B unassociated, in 2 steps" in done.out
 
 
 def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:

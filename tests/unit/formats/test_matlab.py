@@ -319,9 +319,9 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
     totals = [group["total"] for group in json.loads(answer.out)["groups"]]
     assert totals == pytest.approx([16, 4])
     for truth, estimate, message in (
-        ("a.mat:X{run}", "a.mat:Y{run}", "a.mat:Y{1}: there is no truth a.mat:X{1}"),
-        ("a.mat:X", "a.mat:Z{run}", "a.mat:Z{run}: no variable of a file is like this"),
-        ("a.mat:X", "d.mat:Y{run}", "d.mat:Y{run}: no variable of a file is like this"),
+        ("a.mat:X{run}", "a.mat:Y{run}", "a.mat:Y{1}: ground truth a.mat:X{1} does not exist"),
+        ("a.mat:X", "a.mat:Z{run}", "a.mat:Z{run}: no variable of a file matches"),
+        ("a.mat:X", "d.mat:Y{run}", "d.mat:Y{run}: no variable of a file matches"),
     ):
         answer = invoke(*asked, "--truth", truth, "--estimate", estimate, "-o", "n")
         assert (answer.status, message in answer.err) == (2, True)

@@ -84,7 +84,7 @@ def test_what_has_too_many_records_is_named_in_the_json_and_no_more(
     for name in "ab":
         (tmp_path / f"{name}.json").write_text(stored.to_json())
     answer = invoke("compare", "a.json", "b.json")
-    assert "of data in parts, with more steps than a ranking takes" in answer.err
+    assert "a result of data in parts with too many steps to rank" in answer.err
     monkeypatch.setattr(most, 2)
     assert "switches" not in json.loads(stored.to_json())
 

@@ -320,7 +320,7 @@ def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
         r"switch +12 +0\.7 % +3  .*",
         r"total +1,746\.24 +100\.0 % .*",
         r"per step +5\.58416 m .*",  # (1746.24 / 56) ** (1 / 2)
-        r"worst truths +5 .*",
+        r"worst objects +5 .*",
         r"worst estimates +107 .*",
         r"37 +1: 101 -> 103",
         r"12 +5: none -> 106 +\(0\.5 of a switch\)",

@@ -36,7 +36,7 @@ def test_a_paragraph_says_what_was_computed() -> None:
         ({"rho": 0.3}, "rho = 0.3, and"),
         ({"step_weights": dict.fromkeys(range(60), 2.0)}, "[@garciafernandez2021timeweighted]"),
         ({"grid": "truth"}, "steps of the ground truth, t"),
-        ({"steps": "0:9"}, "10 steps of a clock that was chosen, t = "),
+        ({"steps": "0:9"}, "10 steps of a chosen clock, t = "),
         ({"distance": "manhattan"}, "the manhattan distance of the states (x, y)"),
     ],
 )

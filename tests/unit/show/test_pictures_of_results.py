@@ -151,7 +151,7 @@ def test_lanes() -> None:
     assert artist(made, "switch").get_offsets()[:, 0].tolist() == [1.5, 1.5]
     ticks = [text.get_text() for text in made.axes[0].get_yticklabels()]
     assert ticks == ["0", "1", "2"]
-    assert {"2 truths", "1 estimate with false steps"} <= set(words(made))
+    assert {"2 objects", "1 estimate with false steps"} <= set(words(made))
     # the error of truth 0 is a quarter of the cutoff, a fifth of the lane
     heights = [np.ptp(path.vertices[:, 1]) for path in artist(made, "truth/error").get_paths()]
     assert heights == pytest.approx([0.2, 0.2, 0.2, 0, 0, 0, 0])
@@ -183,7 +183,7 @@ def test_quiet_truths_share_a_lane() -> None:
     ticks = [text.get_text() for text in made.axes[0].get_yticklabels()]
     assert ticks == ["7", "44 quiet"]
     words = [text.get_text() for text in made.axes[0].texts]
-    assert "45 truths, 44 of them without miss or switch" in words
+    assert "45 objects, 44 of them without miss or switch" in words
 
 
 def test_ids_and_directions_in_the_plane() -> None:

@@ -71,7 +71,7 @@ def test_simulate_writes_a_setting_and_the_metric_of_its_source(
     assert done.status == 0, done.err
     what, source, printed = done.out.splitlines()
     assert "garcia-fernandez-2020, 81 steps; 4 truths with 283 rows in truth.csv" in what
-    assert "ScenarioWilliams15.m; random numbers are not those of the source" in source
+    assert "ScenarioWilliams15.m; the random numbers differ from those of the source" in source
     assert printed.endswith("-c 10 -p 2 -g 1")
     result = json.loads(invoke(*printed.split()[1:], "--format", "json").out)
     assert result["sizes"]["steps"] == 81
@@ -85,4 +85,4 @@ def test_simulate_writes_a_setting_and_the_metric_of_its_source(
         "simulate", str(folder), "--setting", "xia-2019", "--targets", "3", "--lost", "1"
     )
     assert refused.status == 2
-    assert "--setting says what is made: leave out --targets, --lost" in refused.err
+    assert "--setting fixes the scene: leave out --targets, --lost" in refused.err

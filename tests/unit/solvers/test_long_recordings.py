@@ -192,6 +192,6 @@ def test_a_bracket_that_is_open_up_to_a_gap_of_one_says_so() -> None:
     assert stopped.lower_bound <= exact.upper_bound
     assert stopped.relative_gap == pytest.approx(1)
     assert not stopped.certified
-    assert stopped.proven == "proven; the total may be nearly 0"
+    assert stopped.proven == "proven; the total may be close to 0"
     assert stopped.claim.startswith("TGOSPA is between ")
     assert stopped.proven in stopped.to_html()

@@ -223,7 +223,7 @@ def test_a_batch_does_not_rank_estimates_that_excuse_themselves(
         out = ("-o", rule, "--workers", "1", "--by", "tracker")
         answer = invoke("batch", manifest, *METRIC, "--ignore", rule, *out)
         assert answer.status == 0, answer.err
-        assert ("tracker is not ranked: its estimates say themselves" in answer.out) != ranked
+        assert ("tracker is not ranked: its estimates themselves mark" in answer.out) != ranked
 
 
 def test_brackets_of_the_same_data_have_a_value_in_common() -> None:

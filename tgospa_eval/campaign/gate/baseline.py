@@ -183,7 +183,7 @@ def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _remedy() -> str:
-    return f"mend it, or delete it and make it anew with {option('update_baseline')}"
+    return f"repair it, or delete it and make a new one with {option('update_baseline')}"
 
 
 SCHEMA = "tgospa-eval/baseline/2"
@@ -215,7 +215,7 @@ def make_entry(
         zip(BOUNDS, now.bounds, strict=True)
     )
     if not all(math.isfinite(value.upper) for value in now.values.values()):
-        raise SolverError("the bracket is not finite; no baseline can be made of it")
+        raise SolverError("the bracket is not finite, so it cannot be a baseline")
     if now.nees is not None:
         record = now.nees.record()
         values[NEES] = {name: record[name] for name in ("mean", "anees", "inside", "sums")}
@@ -336,7 +336,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
             if name != "truth_sha256"
         ):
             wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
-        return [*reasons, f"{wrong}; if that is right, make the baseline anew"]
+        return [*reasons, f"{wrong}; if that is right, renew the baseline"]
     return [*reasons, f"{wrong}; {judge_alike()}"] if wrong else reasons
 
 
@@ -388,7 +388,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
     ConfigError
         It is no baseline of this version, or in conflict.
     """
-    name = f"{path}: is no baseline"
+    name = f"{path}: is not a baseline"
     pairs: Baseline
     open_ = set[str]()
     if re.search(MARK, content):
@@ -408,9 +408,9 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
             if surface.get() == COMMAND:
                 only = [text for one in some for text in ("--only", one)]
                 way = join(["--update-baseline", *only])
-            remedy = f"{way} makes what conflicts anew, nothing else"
+            remedy = f"{way} renews only the entries in conflict"
             if not open_:
-                remedy = "delete the lines of its marks, <<<<<<<, ======= and >>>>>>>"
+                remedy = "delete the conflict markers: the lines with <<<<<<<, ======= and >>>>>>>"
             raise ConfigError(f"{name}; {remedy}")
     else:
         pairs = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=_remedy())["pairs"]
@@ -465,7 +465,7 @@ def _contradiction(entry: Json) -> str | None:
             if wrong:
                 return f"{where}.{wrong}"
         if NEES in values and not fits_sums(values[NEES]):
-            return f"{place}.{NEES} has other numbers than its sums make"
+            return f"{place}.{NEES} does not follow from its sums"
     return None
 
 

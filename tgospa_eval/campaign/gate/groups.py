@@ -8,8 +8,9 @@ groups and rules there are. For that p values are adjusted (Holm 1979, with weig
 table has the same share of the error, `OF_ALL` of it for all groups together, and single groups
 share the rest equally: what a single one does beyond its noise is a jump.
 
-It fails as well if one of its scenes or runs is far outside what its seeds do (`jumps`), or if a
-run is dead: it misses more than halfway from the most that a run of its scene ever missed to all.
+It fails as well if one of its scenes or runs is far outside the spread of its seeds (`jumps`), or
+if a run is dead: it misses more than halfway from the most that a run of its scene ever missed to
+all.
 """
 
 import math
@@ -111,7 +112,8 @@ class SceneRuns:
             limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
             if missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
-                    f"{name}: is dead: it misses {missed.lower:g} of {states} states of the truth"
+                    f"{name}: the tracker failed: it misses {missed.lower:g} of {states} "
+                    "ground-truth states"
                     f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
                     f"baseline missed more than {ever:g}"
                 )
@@ -178,7 +180,8 @@ def judge_groups(
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ConfigError(
-            f"two groups are called {quoted(twice)}; tell them apart by name, as in 'site {{site}}'"
+            f"two groups have the name {quoted(twice)}; put a label into the name, as in 'site "
+            f"{{site}}'"
         )
     sums = {
         (place, number): [(group, _summed(rule, group)) for group in (*among, *together)]
@@ -261,9 +264,11 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
             which = f"{scene.name}: " if len(one.group.scenes) > 1 else ""
-            notes.setdefault(id(one), f"{which}far outside what its seeds do")
+            notes.setdefault(id(one), f"{which}far outside the spread of its seeds")
         elif runs:
-            notes[id(one)] = f"{listed(runs, SHOWN)}: far outside what runs of {scene.name} do"
+            notes[id(one)] = (
+                f"{listed(runs, SHOWN)}: far outside the spread of the runs of {scene.name}"
+            )
     return notes
 
 
@@ -347,11 +352,11 @@ def _group(
         common = [run for run in theirs if run in now]
         gone = [run for run in theirs if run not in now]
         if not mine or not theirs:
-            what = "in the baseline and not among the pairs" if theirs else "not in the baseline"
+            what = "in the baseline, but not among the pairs" if theirs else "not in the baseline"
             faults.append(f"{where}: {what}")
             continue
         if common and gone:
-            faults.append(f"{listed(gone, SHOWN)}: in the baseline and not among the pairs")
+            faults.append(f"{listed(gone, SHOWN)}: in the baseline, but not among the pairs")
             continue
         reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
         if not common:

@@ -105,11 +105,7 @@ def rules_of(
     )
     relative = [rule for rule in rules if not rule.absolute]
     if not baseline and (relative or not rules) and default:
-        why = (
-            f"{relative[0].text} needs one"
-            if relative
-            else f"limits of {option('limits')} need none"
-        )
+        why = f"{relative[0].text} needs one" if relative else f"{option('limits')} needs none"
         raise ConfigError(
             f"{gate.prefix(pair.name)}no baseline: name it with "
             f"{option('baseline', metavar='FILE')}; {why}"
@@ -151,7 +147,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
         if value and not gate.update_baseline:
             raise ConfigError(f"{option(name)} is for {option('update_baseline')}")
     if gate.update_baseline and (not path or is_store(path)):
-        wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
+        wrong = f"{path} is a batch, made by tgospa-eval batch" if path else "no baseline"
         raise ConfigError(
             f"{wrong}: name the file to make with {option('baseline', metavar='FILE')}"
         )
@@ -170,7 +166,7 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
         oldest = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
     except ValueError:
         raise ConfigError(
-            f"{option('newer_than')} {quoted(since)}: is neither a file nor a time, as "
+            f"{option('newer_than')} {quoted(since)}: must be a file or a time, such as "
             "2026-11-28T06:00"
         ) from None
     for pair in pairs:
@@ -290,7 +286,7 @@ def _judge_all(
             else:
                 outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
             if pair.is_new:
-                note = "new, not judged: the target does not have it yet; its limits of "
+                note = "new, not judged: not in the target yet; limits of "
                 note += f"{option('limits')} only warn"
                 outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, note))
             else:
@@ -307,7 +303,7 @@ def _judge_all(
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = (
-        f"in the baseline and not in {source}; {option('update_baseline')} {option('prune')} "
+        f"in the baseline, but not in {source}; {option('update_baseline')} {option('prune')} "
         "removes it"
     )
     return in_order + leftover(old, named, Verdict.INCOMPARABLE, note)
@@ -328,7 +324,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
-IN_GROUP = "not in the baseline: judged in its group alone"
+IN_GROUP = "not in the baseline: judged only in its group"
 
 
 def _updated(
@@ -350,7 +346,7 @@ def _updated(
     old = baseline or {}
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
-            raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair is called so")
+            raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair has such a name")
     new, outcomes = dict(old), []
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)

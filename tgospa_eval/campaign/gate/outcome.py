@@ -304,8 +304,8 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and now.values["total"].lower <= old["total"] * (1 + 1e-9):
         yield (
-            "the total is not proven to be worse: where optima tie, another one splits the same "
-            "total in another way"
+            "the total is not proven to be worse: another assignment may split the same total in "
+            "another way"
         )
     better = [finding.rule.path for finding in findings if finding.improved]
     if better:
@@ -314,7 +314,7 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
     gap = 1 - (lower / upper) ** now.order if upper else 0.0
     if gap > OPEN:
         yield (
-            f"the bracket of the baseline is open, relative gap {gap:.2g}: the gate is as loose as "
+            f"the baseline is not exact, relative gap {gap:.2g}: the gate compares with "
             "its upper bound"
         )
 
@@ -344,11 +344,11 @@ def _absent(finding: Finding) -> str:
     path = finding.rule.path
     if names_summary(path):
         return (
-            f"the result or the baseline has no {path}: it is not defined there, or the baseline "
-            f"is older than the summary; make it anew with {option('update_baseline')}"
+            f"the result or the baseline has no {path}: it is not defined, or the baseline is too "
+            f"old; renew it with {option('update_baseline')}"
         )
     if path not in OF_NEES:
-        return f"the result has no {path}, nor has a baseline"
+        return f"the result has no {path}"
     if not math.isnan(finding.now.upper):
         return (
             f"the baseline has no NEES; make it anew with {option('update_baseline')} and this rule"
@@ -372,22 +372,22 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     p = f"p = {inference.p_value:.2g}"
     supported = inference.supports(inference.p_value)
     if inference.jump:
-        yield f"{warning}unlikely to be seeds: {inference.jump}"
+        yield f"{warning}unlikely to be noise of seeds: {inference.jump}"
     if supported:
-        yield f"inferred of the tracker: it is worse than allowed, by {runs}, {p}"
+        yield f"the tracker is worse than allowed, inferred from {runs}, {p}"
     if supported or inference.jump:
         return
-    mark = f"by {option('strict')}, though " if finding.verdict is Verdict.FAIL else ""
+    mark = f"because of {option('strict')}, although " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
         yield (
-            f"{mark}in noise: {runs} can support nothing less than a jump: {inference.needed} are "
-            "needed, or fewer groups and rules"
+            f"{mark}within noise: {runs} are too few to show anything but a jump; "
+            f"{inference.needed} are needed, or fewer groups and rules"
         )
     elif math.isinf(inference.noticeable):
-        yield f"{mark}in noise: few of {runs} are worse, {p}"
+        yield f"{mark}within noise: few of {runs} are worse, {p}"
     else:
         yield (
-            f"{mark}in noise of {runs}, {p}: they would notice a change of about "
+            f"{mark}within the noise of {runs}, {p}; they would show a change of about "
             f"{inference.noticeable:+.1%}"
         )
 
@@ -482,18 +482,18 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
     elif before == entry:
         yield "unchanged"
     elif incomparable({"before": before["judged"], "now": entry["judged"]}):
-        yield "the truth is another one than before"
+        yield "the truth has changed"
     kept, nights = len(nights_of(entry)), len(nights_of(before)) if before else 1
     if kept > 1:
         yield f"{kept} nights, whose mean is the baseline"
     elif nights > 1:
-        yield f"one night in place of {nights}; {option('add')} keeps those of the same data"
+        yield f"one night replaces {nights}; {option('add')} keeps those of the same data"
     for name, now_is, was in unlike(entry["parameters"], before["parameters"]) if before else ():
         yield f"{name} is {now_is}, was {was}"
     if not now.certified:
         yield (
-            f"the bracket is open, relative gap {now.relative_gap:.2g}: the gate is as loose as "
-            "the upper bound"
+            f"not exact, relative gap {now.relative_gap:.2g}: the gate will compare with the "
+            "upper bound"
         )
 
 

@@ -55,7 +55,7 @@ def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool
     return FIRST.index(Verdict(row[3])) if row[3] in FIRST else len(FIRST)
 
 
-UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
+UNPROVEN = "the reported split, not proven: another assignment may have the same total"
 """Note on values that are marked."""
 
 LIMITS = ("baseline", "limit", "now")

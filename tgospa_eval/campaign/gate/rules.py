@@ -163,7 +163,7 @@ class Rule:
         slack = base * self.slack if self.relative else self.slack
         limit = base - slack if self.is_minimum else base + max(slack, self.floor * unit)
         if math.isinf(limit):
-            raise ConfigError(f"{self.text}: allows more than any number; choose a smaller one")
+            raise ConfigError(f"{self.text}: the limit is too large; choose a smaller one")
         return limit
 
 
@@ -192,7 +192,7 @@ class Inference:
     better : float
         P value of a tracker that is better than the baseline by the slack of the rule.
     jump : str
-        The scene or run that is far outside what its seeds do; blank if there is none.
+        The scene or run that is far outside the spread of its seeds; blank if there is none.
     """
 
     p_value: float
@@ -308,7 +308,7 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     path = _path(match["path"].strip(), name, text)
     relative, less = match["percent"] == "%", match["sign"] == "-"
     if not is_beside(path) if less else path == OF_NEES[-1]:
-        right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
+        right = "is better when smaller: PATH:+N" if less else "is better when larger: PATH:-N"
         raise ConfigError(f"{option(name)} {quoted(text)}: {path} {right}")
     return Rule(
         text=f"{path}:{match['sign']}{match['slack'].strip()}{match['percent']}",
@@ -410,7 +410,7 @@ def _path(path: str, name: str, text: str) -> str:
     if not names_summary(path) and not any(value in RULE_VALUES for _, value in meanings(path)):
         there = NUMBERS if path.startswith(f"{SUMMARY}.") else RULE_VALUES
         raise ConfigError(
-            f"{option(name)} {quoted(text)}: {quoted(path)} cannot be judged; there are "
+            f"{option(name)} {quoted(text)}: {quoted(path)} is not a value; there are "
             f"{', '.join(there)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on; "
             f"numbers of the summary as {SUMMARY}.rmse"
         )

@@ -50,8 +50,8 @@ class Target:
         if commit is None:
             folder = f"; write ./{where} for the folder" if os.path.isdir(where) else ""
             raise ConfigError(
-                f"{OPTION} {quoted(where)}: is no git revision that is here; a CI system may have "
-                f"to fetch it: git fetch origin BRANCH{folder}"
+                f"{OPTION} {quoted(where)}: is not a git revision in this repository; a CI system "
+                f"may have to fetch it: git fetch origin BRANCH{folder}"
             )
         self.commit = commit.decode().strip()
 
@@ -275,7 +275,7 @@ def load_suite(
         for pair in _pairs(table, f"{path}, pair {number}", known, folder, common, notices)
     ]
     if not pairs:
-        raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
+        raise ConfigError(f"{path}: no pairs; add [[pair]] with truth and estimate")
     if target is not None:
         pairs += [pair for table in tables for pair in _lost(table, folder, target)]
     for number, table in enumerate(_tables(document, "limits", path), start=1):
@@ -287,8 +287,8 @@ def load_suite(
             continue
         if pair.name in named:
             raise ConfigError(
-                f"{path}: the name {quoted(pair.name)} is there twice, for "
-                f"{named[pair.name].truth} and {pair.truth}; give every [[pair]] a name of its own"
+                f"{path}: the name {quoted(pair.name)} is a duplicate, for "
+                f"{named[pair.name].truth} and {pair.truth}; give every [[pair]] its own name"
             )
         named[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
@@ -310,7 +310,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
-        raise ConfigError(f"{where}: no pair is called like {quoted(match)}")
+        raise ConfigError(f"{where}: no pair has a name that matches {quoted(match)}")
     return [
         replace(pair, rules=_merged(pair.rules, own)) if fnmatchcase(pair.name, match) else pair
         for pair in pairs
@@ -357,7 +357,7 @@ def make_group(
     if not 0.5 <= confidence < 1:
         raise ConfigError(f"{where}: confidence is {confidence}: must be from 0.5 to below 1")
     if set("{}") & {*re.sub(patterns.FIELD, "", name)}:
-        raise ConfigError(f"{where}: {quoted(name)} has a brace that names no label")
+        raise ConfigError(f"{where}: {quoted(name)} has a brace without a label")
     if seed != SEED and seed not in labels:
         raise ConfigError(f"{where}: no pattern of a pair has {{{seed}}}, in which runs differ")
     for label in patterns.fields(name):
@@ -397,7 +397,7 @@ def _pairs(
     groups = groups_of((values for _, values in estimates), own_fields) if own_fields else [{}]
     if not truths or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
-        fault = f"{where}: no file is like {quoted(theirs if truths else pattern)}"
+        fault = f"{where}: no file matches {quoted(theirs if truths else pattern)}"
         yield Job(name=name, truth=pattern, estimate=theirs, fault=fault)
     known_truths = {tuple(values.items()) for values in truths}
     unmatched = [
@@ -410,7 +410,7 @@ def _pairs(
         notices.append(f"{which}: no truth is like {quoted(truth)}: not judged")
     for file, _ in estimates if own_fields else ():
         if patterns.is_ambiguous(estimate, file):
-            fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
+            fault = f"{where}: the fields of {quoted(estimate)} match {file} in two ways"
             yield Job(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
             return
     for values in (group | own for group in groups for own in truths):

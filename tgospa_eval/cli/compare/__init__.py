@@ -134,10 +134,10 @@ def command(
         raise click.UsageError(f"{dashed(wrong[0])} is for {about}")
     if "by" in typed:
         raise click.UsageError(
-            "--by class: compare takes all rows together; choose one class by --class NAME"
+            "--by class: compare evaluates all classes together; choose one class by --class NAME"
         )
     if simulate and files:
-        raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
+        raise click.UsageError(f"--simulate makes its own scenes; leave out {files[0]}")
     is_saved = not simulate and _are_saved(files, typed)
     if not simulate and not is_saved and len(files) < 2:
         raise click.UsageError(
@@ -167,7 +167,7 @@ def command(
     else:
         if by and not output.quiet:
             print_notice(
-                "by = class of the settings is left aside: compare takes all rows together"
+                "by = class in the settings is ignored: compare evaluates all classes together"
             )
         per_step = options["against"] is not None
         has_extras = per_step or request.with_ is not None or output.columns_of_table
@@ -187,7 +187,7 @@ def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
     wrong = sorted(typed - OF_RESULTS)
     if wrong:
         raise click.UsageError(
-            f"{dashed(wrong[0])} needs the data, and {files[0]} is a saved result, ranked as it "
-            "was evaluated; name the files of truth and estimates instead"
+            f"{dashed(wrong[0])} needs the data, but {files[0]} is a saved result; name the files "
+            "of truth and estimates instead"
         )
     return True

@@ -181,8 +181,8 @@ def compare_estimates(
     solver, *rest = make("certified", str(Sinkhorn.epsilon))
     if rest:
         raise ConfigError(
-            "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
-            "one --epsilon; several solvers are compared on one estimate, without --against"
+            "estimates are ranked with one solver: name one, --solvers certified, or sinkhorn with "
+            "one --epsilon; to compare several solvers, name one estimate and leave out --against"
         )
     runs, estimates, notices = compared_runs(files[0], files[1:], output.output)
     for text in () if output.quiet else notices:
@@ -328,7 +328,7 @@ def study_sizes(
 
         if not quiet and known:
             print_notice(
-                f"{folder}: {counted(len(known), 'scene is', 'scenes are')} there, going on"
+                f"{folder}: {counted(len(known), 'scene is', 'scenes are')} finished, resuming"
             )
         answer = run(work, stopwatch, show=not quiet)
         show(answer, output)

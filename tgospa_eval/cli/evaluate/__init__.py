@@ -11,8 +11,8 @@ from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, 
 from tgospa_eval.errors import ExitStatus, MemoryTooSmallError
 
 FOR_PARTS = (
-    "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
-    "for many evaluations: tgospa-eval batch"
+    "--scheduler is for data in parts: folders of tables, or files larger than --memory; for many "
+    "evaluations: tgospa-eval batch"
 )
 MANY = 8
 """Files that are too many for a message."""
@@ -155,13 +155,13 @@ def _check(
                 f"--{name} is for {'one evaluation' if sweep else 'the folder of -o'}"
             )
     for option in _without_proof(chosen) if "proof" in typed else ():
-        raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
+        raise click.UsageError(f"--proof is not supported with {option}: leave one of them out")
     shares = chosen.tracked_shares != DEFAULTS["tracked_shares"]
     of_one = {
         "--format methods is for one evaluation": output.format_ == "methods",
         "--slice is for one evaluation": chosen.slices,
         "--with is for one evaluation": chosen.with_ is not None,
-        "--similarity is of the mean over steps": chosen.similarity is not None,
+        "--similarity scores the plain mean over steps": chosen.similarity is not None,
         "--tracked-shares is for one evaluation": shares,
         "--explain is for one evaluation": chosen.explain,
     }
@@ -169,11 +169,12 @@ def _check(
         raise click.UsageError(f"{text}, not for --sweep")
     if chosen.explain and chosen.by:
         raise click.UsageError(
-            "--explain takes all rows together, not --by class; choose one class by --class NAME"
+            "--explain evaluates all classes together, not --by class; choose one class by "
+            "--class NAME"
         )
     if chosen.explain and chosen.preprocess:
         raise click.UsageError(
-            "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+            "--explain: what --preprocess leaves out changes with the repair; leave one of them out"
         )
 
 

@@ -96,9 +96,9 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
     """Say what is known, and how to go on."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
-        return f"{proven}with -o DIR what is done is kept, and the same command goes on"
+        return f"{proven}with -o DIR finished parts are kept, and the same command resumes"
     kept = os.path.join(output.output, WORK_FOLDER)
-    return f"{proven}what is done is in {kept}, and the same command goes on from there"
+    return f"{proven}finished parts are kept in {kept}; the same command resumes"
 
 
 # -------------------------------------------------------------------------------------------------
@@ -157,8 +157,8 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
             _empty(work)
         elif any(not path.name.startswith(".") for path in work.iterdir()):
             raise ConfigError(
-                f"{where}: there is a folder {WORK_FOLDER} in it that is not of this program, and "
-                "would be; name another folder"
+                f"{where}: it has a folder {WORK_FOLDER} that this program did not make; name "
+                "another folder"
             )
         with writing(log, where) as beside:
             beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
@@ -204,17 +204,13 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
     differing = [name for name in names if old.get(name) != identity.get(name)]
     if not differing:
         if not output.quiet:
-            print_notice(f"going on with {log.parent}")
+            print_notice(f"resuming with {log.parent}")
         return True
     if differing == ["data"] or output.force:
         if not output.quiet:
             only_data = differing == ["data"]
-            what = (
-                "files that were changed or replaced since"
-                if only_data
-                else "other data or options"
-            )
-            print_notice(f"{log.parent} is of {what}: it is begun anew")
+            what = "files that have changed since" if only_data else "other data or options"
+            print_notice(f"{log.parent} is of {what}: starting again")
         return False
     texts = (
         f"{name.replace('_', '-')} was {json.dumps(old.get(name))}, is "
@@ -223,8 +219,8 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         if name != "data"
     )
     raise ConfigError(
-        f"{where}: {log.parent.name} in it is of an interrupted run with other options: "
-        f"{'; '.join(texts)}; name another folder, or --force to throw it away"
+        f"{where}: {log.parent.name} in it belongs to an interrupted run with other options: "
+        f"{'; '.join(texts)}; name another folder, or --force to delete it"
     )
 
 

@@ -81,7 +81,7 @@ def sweep_files(
 
     swept = run(work, stopwatch, show=not output.quiet)
     if len(swept.points) < len(parameters):
-        print_notice(f"interrupted: {len(swept.points)} of {len(parameters)} points are there")
+        print_notice(f"interrupted: {len(swept.points)} of {len(parameters)} points are finished")
     _show(swept, output, wanted)
     missed = [point for point in swept.points if not point.finished]
     for point in missed:
@@ -101,7 +101,7 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
         The text is not understood.
     """
     if len(texts) > 1:
-        raise ConfigError("--sweep is given twice: one parameter is swept at a time")
+        raise ConfigError("--sweep is given twice: only one parameter can be swept")
     text = texts[0]
     name, equals, values = (part.strip() for part in text.partition("="))
     if not equals or name not in SWEPT:
@@ -149,7 +149,7 @@ def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) 
     """
     if name in typed and not output.quiet:
         print_notice(
-            f"--{_key(name)} {getattr(options, name):g} is passed over: --sweep says its values"
+            f"--{_key(name)} {getattr(options, name):g} is ignored: --sweep gives its values"
         )
     for odd in ("components", "plane"):
         if odd in typed:
@@ -160,11 +160,12 @@ def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) 
     if options.by:
         if "by" in typed:
             raise ConfigError(
-                "--by class: --sweep takes all rows together; choose one class by --class NAME"
+                "--by class: --sweep evaluates all classes together; choose one class by --class "
+                "NAME"
             )
         if not output.quiet:
             print_notice(
-                "by = class of the settings is left aside: --sweep takes all rows together"
+                "by = class in the settings is ignored: --sweep evaluates all classes together"
             )
 
 

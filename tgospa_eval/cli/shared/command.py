@@ -251,13 +251,13 @@ def tell_variables(command: click.Command) -> None:
     for name in sorted({*given} - read):
         key = name.removeprefix(PREFIX).replace("_", "-").lower()
         if f"--{key}" in long_options(command):
-            why = f"--{key} is for the command line alone"
+            why = f"--{key} is only for the command line"
         else:
             near = nearest(
                 key.upper().replace("-", "_"), [f"--{one.removeprefix(PREFIX)}" for one in read]
             )
-            why = f"did you mean {PREFIX}{near[2:]}?" if near else "no option is called so"
-        print_notice(f"{name}: sets nothing; {why}")
+            why = f"did you mean {PREFIX}{near[2:]}?" if near else "no such option"
+        print_notice(f"{name}: has no effect; {why}")
 
 
 def _variables(command: click.Command) -> list[str]:
@@ -440,7 +440,7 @@ class Verb(click.Command):
             name = f"-{text.partition('=')[0]}"
             if name in known:
                 raise click.UsageError(
-                    f"{name[1:]}: an option of more than one letter has two dashes; type {name}",
+                    f"{name[1:]}: long options have two dashes; type {name}",
                     ctx,
                 )
 
@@ -449,7 +449,7 @@ class Verb(click.Command):
             return removed(text)
         verbs = [verb for verb in VERBS if text in long_options(load(verb))]
         if verbs:
-            return f"{text} is no option of {self.name}, but of {', '.join(verbs)}"
+            return f"{text} is not an option of {self.name}, but of {', '.join(verbs)}"
         hint = self._by_another_name(text) or nearest(text, long_options(self))
         return f"no such option: {clipped(text)}" + (f"; did you mean {hint}?" if hint else "")
 

@@ -46,8 +46,7 @@ LONG, NEAR = 10.0, 0.01
 """Seconds, and relative difference of the bounds, from which on stopping may be of use."""
 
 ADVICE = (
-    "the bounds are within 1 % of each other: Ctrl-C stops with them; --gap and --time-limit do so "
-    "by themselves"
+    "the bounds are within 1 %: Ctrl-C stops with them; --gap and --time-limit stop automatically"
 )
 
 
@@ -80,7 +79,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     def announce() -> None:
         display.clear()
         if show:
-            print_notice("stopping: what is proven so far follows; Ctrl-C again ends at once")
+            print_notice("stopping: the bounds proven so far follow; Ctrl-C again ends at once")
 
     say = stopwatch.notify
 

@@ -27,7 +27,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "See more": {
             "output": "write page, tables and pictures to this folder",
             "format": "table, json, csv, markdown, latex, methods",
-            "explain": "show the repairs that would save most",
+            "explain": "show the repairs that save most",
             "with": "also hota, clear, identity, gospa, nees",
         },
     },
@@ -41,8 +41,8 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "Read the files": READING
         | TOLERANCE
         | {
-            "truth-format": "format of TRUTH, where it is not found",
-            "estimate-format": "format of ESTIMATE, where it is not found",
+            "truth-format": "format of TRUTH, if it is not recognised",
+            "estimate-format": "format of ESTIMATE, if it is not recognised",
             "where": "only rows that pass: 'score >= 0.5'",
         },
     },
@@ -51,19 +51,19 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "Read the files": READING | TOLERANCE,
         "Repair": {
             "top": "how many repairs to show",
-            "apply": "write the estimate with repair N done, with -o",
+            "apply": "the repair that the file of -o has",
             "output": "where to write it",
             "format": "a table or json",
         },
     },
     "gate": {
         "Judge": {
-            "baseline": "values of before, in a JSON file",
+            "baseline": "JSON file with the values to compare with",
             "update-baseline": "make the baseline, or replace it",
             "fail-on": "rule: total:+2%, counts.switch:+0",
-            "max": "limit that depends on no baseline: tgospa=50",
+            "max": "limit without a baseline: tgospa=50",
             "suite": "judge the pairs of files of this TOML file",
-            "against": "let a revision's baseline and suite judge",
+            "against": "judge by a revision's baseline and suite",
         },
         "Choose the metric": METRIC,
         "See more": {"format": "table, json or markdown"},
@@ -88,9 +88,9 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         },
         "Choose the metric": METRIC,
         "Run, and show": {
-            "output": "the store; the same command goes on with it",
+            "output": "folder of the results; the same command resumes",
             "workers": "number of processes",
-            "by": "labels by which tables add up",
+            "by": "labels that group the tables",
             "format": "table, json, csv, markdown or latex",
         },
     },
@@ -109,13 +109,13 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
             "targets": "number of targets",
             "steps": "number of steps",
             "state": "point, gaussian, cloud or box",
-            "seed": "the same one makes the same files",
+            "seed": "the same seed makes the same files",
         },
         "Make errors": {
             "noise": "standard deviation in each coordinate",
             "detection": "probability of a report",
             "swaps": "probability that near targets exchange tracks",
-            "false-rate": "false tracks that begin at a step",
+            "false-rate": "new false tracks per step",
         },
         "Write": {"format": "csv, motchallenge or kitti"},
     },
@@ -127,8 +127,8 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "Read the files": READING
         | TOLERANCE
         | {
-            "a-format": "format of A, where it is not found",
-            "b-format": "format of B, where it is not found",
+            "a-format": "format of A, if it is not recognised",
+            "b-format": "format of B, if it is not recognised",
         },
         "See more": {
             "output": "write page, table and picture to this folder",
@@ -144,7 +144,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
             "restarts": "starts, of which the nearest is kept",
         },
         "Read the files": {
-            "in-format": "format of the file, where it is not found",
+            "in-format": "format of the file, if it is not recognised",
             "columns": READING["columns"],
             "where": "only rows that pass: 'score >= 0.5'",
             "time": "only the steps from A to B",

@@ -53,7 +53,7 @@ def write_output(
         return
     files = None if interrupted() else _made(output, make)
     if files is None:
-        print_notice(f"interrupted: nothing is written to {folder}")
+        print_notice(f"interrupted: nothing was written to {folder}")
         return
     proof = os.path.join(folder, PROOF_FOLDER)
     had_proof = os.path.isdir(proof)
@@ -62,7 +62,7 @@ def write_output(
     if not output.quiet:
         print_notice(written)
     if had_proof and not os.path.isdir(proof):  # others may refer to it
-        print_notice(f"{proof} of the run before is removed; --proof writes that of this one")
+        print_notice(f"{proof} of an earlier run is removed; --proof writes one for this run")
 
 
 def _made(

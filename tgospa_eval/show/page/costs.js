@@ -50,7 +50,7 @@ const costs = {
     upright(context, `cost${costUnit && ` (${costUnit})`}`, top, bottom);
     chosenStep(context, width, top, bottom);
     const mean = doc.together > 1 ? `each bar is the mean of ${grouped(doc.together)} steps` : "";
-    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together}${mean ? " means" : " steps"}` : mean;
+    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the costliest of ${together}${mean ? " means" : " steps"}` : mean;
   },
 };
 

@@ -24,8 +24,8 @@ const lanes = {
       const begin = (k) => side.run.begin[side.run.first[k]] ?? steps;
       if (by === "cost") tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
       if (by === "begin") tracks.sort((a, b) => begin(a) - begin(b));
-      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length + folded, name), "with false steps"] : [`${tracks.length + folded} of ${word(name)}`, "alone at some step"];
-      const quiet = folded ? `, ${folded} of them without any event and not shown` : "";
+      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length + folded, name === "truth" ? "object" : name), "with false steps"] : [`${tracks.length + folded} of ${word(name)}`, "alone at some step"];
+      const quiet = folded ? `, ${folded} of them without events and not shown` : "";
       rows.push({ title: name === "truth" ? count + quiet : `${count} ${wrong}` });
       for (const track of tracks) rows.push({ side, track });
     }
