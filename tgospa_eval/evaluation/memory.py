@@ -111,7 +111,7 @@ class Share:
         least = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
         if limit < least:
             raise MemoryTooSmallError(
-                f"data in parts take {size_text(least)} at least: allow "
+                f"data in parts need at least {size_text(least)}: allow "
                 f"{option('memory', size_text(least))}"
             )
         return cls(jobs=1, data=limit - main, fixed=main)
@@ -145,8 +145,8 @@ class Share:
         if entries > self.entries and needed > self.data:
             size = size_text(needed + self.fixed)
             raise MemoryTooSmallError(
-                f"objects near one another make a component of {entries:,} near pairs, which is "
-                f"solved at once in {size}: allow {option('memory', size)} with "
+                f"one component of nearby objects has {entries:,} near pairs and needs {size} at "
+                f"once: allow {option('memory', size)} with "
                 f"{option('jobs', 1)}, choose a smaller cutoff, or evaluate parts of the "
                 f"recording, by {option('time')}"
             )
@@ -209,7 +209,7 @@ def check_pairs(rows: int, pairs: int, limit: int) -> None:
     needed = base("whole", formats) + of_row * rows + of_pair * pairs
     if needed > limit:
         raise MemoryTooSmallError(
-            f"{pairs:,} near pairs of objects take some {size_text(needed)} in memory, more than "
+            f"{pairs:,} near pairs of objects need about {size_text(needed)} of memory, more than "
             f"{option('memory')} allows; allow more, or choose a smaller cutoff"
         )
 

@@ -116,9 +116,9 @@ def test_usual_headers(write: Write, header: str) -> None:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; say which, columns=(\'t=ts\','),
-        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; say which, columns=('),
-        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; say which, columns=(\'id=track\','),
+        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; choose one, columns=(\'t=ts\','),
+        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; choose one, columns=('),
+        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; choose one, columns=(\'id=track\','),
         ("id,Time,TIME,x", '"Time" and "TIME" may both be t'),
     ],
 )
@@ -642,7 +642,7 @@ def test_duplicates(write: Write) -> None:
     ("ids", "cause"),
     [
         ("-1", "every id is -1: these are detections, and TGOSPA compares tracks"),
-        ("7", 'nearly every id is "7", as of detections, and TGOSPA compares tracks'),
+        ("7", 'nearly every id is "7", as in detections, but TGOSPA compares tracks'),
         ("abcde", "name the columns of ids and times"),
     ],
 )
