@@ -354,7 +354,7 @@ def test_sliced_from_the_command_line(name: str, write: Write, invoke: Run) -> N
     ):
         assert message in invoke(truth, estimate, "--distance", name, *wrong).err
     assert invoke("associate", truth, estimate, "--distance", name, "-c", "9").status == 0
-    with pytest.raises(ConfigError, match=f"no derivative is known of the distance {name}"):
+    with pytest.raises(ConfigError, match=f"the distance {name} has no known derivative"):
         evaluate(truth, estimate, cutoff=10, distance=distance).gradient()
 
 

@@ -89,7 +89,7 @@ def test_regions_of_the_earth(write: Write) -> None:
     wrong = [[25, 95], [26, 95], [26, 96]]
     with pytest.raises(InputError, match=r"line 2: positions are lat lon in degrees"):
         held(write("w.csv", "lat,lon,radius\n99,25,1\n"), ships)
-    with pytest.raises(InputError, match=r"feature 0: places are lon, lat, in degrees"):
+    with pytest.raises(InputError, match=r"feature 0: positions are lon, lat in degrees"):
         held({"type": "Polygon", "coordinates": [wrong]}, ships)
 
 
