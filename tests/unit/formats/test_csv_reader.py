@@ -202,9 +202,9 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("a,b,c,d", "map it with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows"),
+        ("a,b,c,d", "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); row"),
         ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
-        ("timestamp tx ty tz qx", "map it with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
+        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
     ],
 )
 def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:

@@ -640,10 +640,10 @@ def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:
     done = invoke(*wrong)
     assert done.status == 3
     first, second = done.err.splitlines()
-    assert first.endswith("map it with --truth-columns id=trk,t=clock,x=px,y=py")
+    assert first.endswith("map them with --truth-columns id=trk,t=clock,x=px,y=py")
     assert second.startswith(f'{wrong[1]}, line 2, column "y"')
     assert invoke("inspect", wrong[0]).err.endswith(
-        "map it with --columns id=trk,t=clock,x=px,y=py\n"
+        "map them with --columns id=trk,t=clock,x=px,y=py\n"
     )
 
 

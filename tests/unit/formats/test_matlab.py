@@ -114,7 +114,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
         ({"tVec": [[0.0], [2.0]]}, "trajectory 1 is from step 0 to 2; xState has the steps 1 to 3"),
         ({"iVec": [[3.0], [3.0]]}, "trajectory 2 is from step 2 to 4"),
         ({"iVec": [[3.0]]}, "2 in tVec, 1 in iVec, and xState is 2 x 3 x 2"),
-        ({"iVec": [[1.5], [1.0]]}, "iVec: 1.5 of trajectory 1 is no step"),
+        ({"iVec": [[1.5], [1.0]]}, "iVec: 1.5 of trajectory 1 is not a step"),
         ({"iVec": [[np.nan], [1.0]]}, "iVec: nan of trajectory 1"),
         ({"iVec": [[1.0], [-1.0]]}, "iVec: -1 of trajectory 2"),
         ({"tVec": np.ones((2, 2))}, "tVec: is 2 x 2; it must be a vector"),
@@ -122,8 +122,8 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
             {"xState": np.full((2, 3, 2), np.inf)},
             'trajectory 1, step 1, column "x": infinite (and 3 more)',
         ),
-        ({"xState": np.ones((2, 3, 2)) * 1j}, "xState: no real numbers"),
-        ({"xState": "text"}, "xState: no real numbers"),
+        ({"xState": np.ones((2, 3, 2)) * 1j}, "xState: not real numbers"),
+        ({"xState": "text"}, "xState: not real numbers"),
         ({"xState": np.ones((2, 3))}, "xState is 2 x 3"),
     ],
 )
@@ -230,7 +230,7 @@ def test_hdf5_follows_no_links_out_of_the_file(tmp_path: Path) -> None:
             group["tVec"], group["iVec"] = [[1.0]], [[3.0]]
             link(group)
         path.write_bytes(head + path.read_bytes()[512:])
-        with pytest.raises(InputError, match=r"X.xState: no real numbers"):
+        with pytest.raises(InputError, match=r"X.xState: not real numbers"):
             read(path)
 
 
