@@ -508,7 +508,7 @@ class Remote:
     def _lacking(self, error: ImportError) -> ConfigError:
         return ConfigError(
             f"{option('scheduler', self.address)}: {error}; install tgospa-eval {__version__} "
-            "with what it needs where the scheduler and its workers run"
+            "and its dependencies on the scheduler and its workers"
         )
 
     @contextmanager
@@ -540,8 +540,8 @@ def call_checked(content: bytes, version: str) -> Any:
     """
     if version != __version__:
         raise ConfigError(
-            f"the worker on {socket.gethostname()} has tgospa-eval {__version__}, this is "
-            f"{version}: install the same"
+            f"the worker on {socket.gethostname()} has tgospa-eval {__version__}, this process "
+            f"has {version}: install the same version"
         )
     function, arguments = pickle.loads(content)
     return function(*arguments)
@@ -596,7 +596,7 @@ def _started(parent: int) -> Any:  # noqa: ARG001  (one that was forked has none
     try:
         _answer(process, sys.path)
     except DiedError as error:
-        raise OSError(f"it ended as it began, with {error}") from None
+        raise OSError(f"it ended at its start, with {error}") from None
     return process
 
 

@@ -116,8 +116,8 @@ def check_size(what: str, count: int) -> None:
     """
     if count > LARGEST_COUNT:
         raise InputError(
-            f"{count} {what} are too many, {LARGEST_COUNT} are possible; evaluate the scene in "
-            "parts, or with a smaller cutoff"
+            f"{count} {what} are too many, at most {LARGEST_COUNT} are possible; evaluate the "
+            "scene in parts, or with a smaller cutoff"
         )
 
 

@@ -415,14 +415,14 @@ def test_what_is_no_estimate_is_passed_over(invoke: Invoke, runs: Path) -> None:
         assert answer.status == 0
         told = answer.err.replace("\\", "/").splitlines()
         for text in (
-            f"data/.c/0.csv and {RUNS - 1} more files: passed over, being hidden by a dot; to "
+            f"data/.c/0.csv and {RUNS - 1} more files: skipped (hidden by a dot); to "
             "evaluate them, write data/.{tracker}/{run}.csv",
-            f"data/gt/0.csv and {RUNS - 1} more files: passed over, being the truth itself; to "
+            f"data/gt/0.csv and {RUNS - 1} more files: skipped (the truth itself); to "
             "evaluate them, write data/gt/{run}.csv",
-            ": passed over, being in a folder of results; to evaluate them, name their folder",
+            ": skipped (in a folder of results); to evaluate them, name their folder",
         ):
             assert sum(line.endswith(text) for line in told) == 1, told
-        assert sum("passed over" in line for line in told) == 3
+        assert sum("skipped (" in line for line in told) == 3
 
 
 def test_what_is_named_is_evaluated(invoke: Invoke, runs: Path) -> None:

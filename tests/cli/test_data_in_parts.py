@@ -292,7 +292,7 @@ def test_what_needs_all_data_is_refused_by_name(
     assert "mine: is not empty" in invoke(*folders, "-o", "mine").err
     with pytest.raises(ConfigError, match=r"^curve is not supported for data in parts"):
         evaluate(*folders, curve=True)
-    with pytest.raises(ConfigError, match="4 apples' is no size"):
+    with pytest.raises(ConfigError, match="4 apples' is not a size"):
         evaluate(*folders, memory="4 apples")
     files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
     with pytest.raises(ConfigError, match="scheduler is for data in parts"):
@@ -431,7 +431,7 @@ def test_wrong_data_leave_no_work(invoke: Invoke, recording: Path, tmp_path: Pat
     (bad / "part.parquet").write_bytes(b"PAR1 and no more")
     answer = invoke(str(recording / "truth"), str(bad), *METRIC, "-o", str(tmp_path / "out"), "-q")
     assert answer.status == 3
-    assert "bad/part.parquet: no readable Parquet file" in answer.err.replace("\\", "/")
+    assert "bad/part.parquet: not a readable Parquet file" in answer.err.replace("\\", "/")
     assert not (tmp_path / "out" / "work").exists()
 
 
@@ -638,7 +638,7 @@ def test_a_limit_below_what_is_needed_is_refused_with_what_works(
     for asked in (METRIC, (*METRIC, "-o", str(tmp_path / "out"), "--jobs", "2")):
         answer = invoke(*folders, *asked, "--memory", "100MB", "-q")
         assert (answer.status, answer.out) == (2, "")
-        proposed = re.fullmatch(r"data in parts .* at least: allow (--memory \d+MB)\n", answer.err)
+        proposed = re.fullmatch(r"data in parts need at least .*: allow (--memory \d+MB)\n", answer.err)
         assert proposed
         assert not (tmp_path / "out" / "work").exists()
         assert invoke(*folders, *asked, *proposed[1].split(), "-q").status == 0
@@ -652,14 +652,14 @@ def test_files_whose_near_pairs_take_more_are_read_in_parts(
     plain = json.loads(invoke(*files, *asked).out)
     monkeypatch.setattr(memory, "BYTES_COMPARED", (40, 10**6))
     answer = invoke(*files, *asked)
-    assert re.search(r"[\d,]+ near pairs of objects take some .* more than --memory", answer.err)
+    assert re.search(r"[\d,]+ near pairs of objects need about .* more than --memory", answer.err)
     assert "it is read in parts" in answer.err
     document = json.loads(answer.out)
     assert document["total"] == pytest.approx(plain["total"], rel=1e-12)
     result = evaluate(*files, 100, 2, 50, memory="400MB")
     assert result.total == document["total"]
     sides = [pq.read_table(file).to_pandas() for file in files]
-    with pytest.raises(ConfigError, match="near pairs of objects take some"):
+    with pytest.raises(ConfigError, match="near pairs of objects need about"):
         evaluate(*sides, 100, 2, 50, memory="400MB")
 
 
@@ -696,5 +696,5 @@ def test_sizes_of_memory(text: object, size: int) -> None:
 
 @pytest.mark.parametrize("text", ["", "GB", "4 apples", "-1GB", "1MB", "1e3GB", "nan", True])
 def test_what_is_no_size(text: object) -> None:
-    with pytest.raises(click.BadParameter, match=r"is no size; write 4GB|less than 100MB"):
+    with pytest.raises(click.BadParameter, match=r"is not a size; write 4GB|less than 100MB"):
         Size().convert(text, None, None)

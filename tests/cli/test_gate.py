@@ -641,8 +641,8 @@ def test_a_spurious_class_is_a_regression(invoke: Invoke, write: Write) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[options]\ncutoff = 1" + "0" * 400, "is no finite number"),
-        ("[options]\njobs = inf", "is no finite number"),
+        ("[options]\ncutoff = 1" + "0" * 400, "is not a finite number"),
+        ("[options]\njobs = inf", "is not a finite number"),
         ("[options]\ncutoff = 1" + "0" * 5000, "not valid TOML"),
         ("x = " + "[" * 20_000, "nested too deeply"),
         ('[[pair]]\ntruth = "a\\u0000b"\nestimate = "e"', ""),

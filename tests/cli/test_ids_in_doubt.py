@@ -41,7 +41,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     ]
     linked = write("linked.csv", ["id,t,x,y", *rows])
     answer = invoke(truth, linked, *METRIC)
-    assert 'ids of "TID" are the same for several of "CID"' in answer.err
+    assert 'ids of "TID" repeat in several values of "CID"' in answer.err
     remedy = ("--truth-columns", "id=CID+TID")
     assert " ".join(remedy) in answer.err
     assert total(invoke(truth, linked, *METRIC, *remedy)) == pytest.approx(8 * 0.25, rel=1e-4)
@@ -80,7 +80,7 @@ def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
     estimate = write("estimate.csv", ["track,t,x,y", *rows])
     answer = invoke(truth, estimate, *METRIC)
     if none:
-        assert "id -1 of 1 row is taken for one track" in answer.err
+        assert "id -1 of 1 row counts as one track" in answer.err
         assert total(answer) == pytest.approx(25, rel=1e-4)  # a switch
         return
     assert (answer.status, "blank id; name the object, or --on-invalid drop" in answer.err) == (
@@ -111,7 +111,7 @@ def test_ids_of_rows(invoke: Invoke) -> None:
     truth = write("truth.csv", ["id,t,x,y", *(row.split(",", 1)[1] for row in rows)])
     spots = write("spots.csv", ["ID,TRACK_ID,FRAME,POSITION_X,POSITION_Y", *rows])
     answer = invoke(truth, spots, *METRIC)
-    assert 'no id of "ID" has a second row' in answer.err
+    assert 'every id of "ID" has a single row' in answer.err
     remedy = ("--estimate-columns", "id=TRACK_ID")
     assert " ".join(remedy) in answer.err
     assert total(invoke(truth, spots, *METRIC, *remedy)) == 0
@@ -173,7 +173,7 @@ def test_ids_of_any_group(invoke: Invoke, column: str) -> None:
     truth, estimate = write("gt.csv", anew(column)), write("est.csv", anew(column, 0.5))
     answer = invoke(truth, estimate, *METRIC)
     remedy = f"id={column}+track"
-    assert f"--truth-columns {remedy} makes one scene of all" in answer.err
+    assert f"--truth-columns {remedy} evaluates all as one scene" in answer.err
     answer = invoke(truth, estimate, *METRIC, "--columns", remedy)
     assert total(answer) == pytest.approx(16 * 0.25, rel=1e-4)
     by = () if column == "class" else ("--columns", f"class={column}")

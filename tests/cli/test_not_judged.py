@@ -91,9 +91,9 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "colour=red"), 'truth.csv has no column "colour"; it has id, t, x, y, class'),
         (("--ignore", "x==3"), "must be COLUMN=VALUE[,VALUE]"),
         (("--ignore", "x!=3"), "must be COLUMN=VALUE[,VALUE]"),
-        (("--ignore", "x=far"), 'column "x" has numbers, and "far" is none'),
-        (("--ignore", "class>3"), "classes are compared by ="),
-        (("--ignore", "x>a"), '"a" is no plain, finite number'),
+        (("--ignore", "x=far"), 'column "x" has numbers, but "far" is not a number'),
+        (("--ignore", "class>3"), "compare classes with ="),
+        (("--ignore", "x>a"), '"a" is not a plain, finite number'),
         (("--ignore", "x"), "must be COLUMN=VALUE[,VALUE]"),
         (("--ignore", "marked"), "truth.csv has no column ignored; for marks of estimates"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
@@ -157,7 +157,7 @@ def test_a_ship_between_its_reports_is_not_false() -> None:
     radar = pd.DataFrame({"id": 1, "t": range(0, 601, 10)}).assign(x=lambda rows: 5 * rows.t + 3.0)
     options = {"cutoff": 50, "switch_penalty": 10, "max_gap": 30}
     for clock_of in ({"resample": 10}, {"interpolate": "truth"}):
-        with pytest.warns(UserWarning, match='ignore="truth-gaps" does not judge them'):
+        with pytest.warns(UserWarning, match='ignore="truth-gaps" leaves them out'):
             charged = evaluate(ship, radar, **options, **clock_of)
         assert charged.counts["false"] == 54
         found = evaluate(ship, radar, **options, **clock_of, ignore="truth-gaps")
@@ -244,7 +244,7 @@ def test_a_rule_that_fits_nothing_is_told(files, invoke) -> None:
     assert '--ignore class=Bus,Van: no row of class "Bus"; there are Car, Van' in answer.err
     assert "no state fits" not in answer.err
     answer = invoke(*files, *METRIC[:-1], "--ignore", "occlusion>7")
-    assert "--ignore occlusion>7: no state fits, all are judged" in answer.err
+    assert "--ignore occlusion>7: no state matches; all are evaluated" in answer.err
 
 
 def test_several_rules_with_commas_are_those_of_a_list(files, invoke) -> None:

@@ -126,9 +126,9 @@ def _packed(folder: Path, suffix: str) -> str:
 @pytest.mark.parametrize(
     ("suffix", "what"),
     [
-        ("npz", r"arrays of 2,400,\d+ bytes: reading it takes some 0\.014 GB"),
-        ("parquet", r"100,000 rows of 3 columns: reading it takes some 0\.014 GB"),
-        ("csv", r"988,897 bytes of text: reading it takes some 0\.003 GB"),
+        ("npz", r"arrays of 2,400,\d+ bytes: reading it needs about 0\.014 GB"),
+        ("parquet", r"100,000 rows of 3 columns: reading it needs about 0\.014 GB"),
+        ("csv", r"988,897 bytes of text: reading it needs about 0\.003 GB"),
     ],
 )
 def test_files_that_unpack_to_more_than_is_allowed(tmp_path: Path, suffix: str, what: str) -> None:

@@ -147,8 +147,8 @@ def test_particles_are_converted_and_covariances_are_not() -> None:
     ("options", "message"),
     [
         ({"estimate_crs": "enu"}, "need origin, where the local axes begin"),
-        ({"estimate_crs": "EPSG:999999"}, "pyproj knows no such system"),
-        ({"estimate_crs": "EPSG:4326"}, "is not projected; of latitudes and longitudes write"),
+        ({"estimate_crs": "EPSG:999999"}, "pyproj does not know this system"),
+        ({"estimate_crs": "EPSG:4326"}, "is not projected; for latitudes and longitudes write"),
         ({"estimate_crs": "west"}, "must be lat,lon"),
         ({"estimate_crs": "enu", "origin": "95,1"}, "must be LAT,LON or LAT,LON,ALT"),
         ({"origin": "1,2"}, "say which is local"),
@@ -174,7 +174,7 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
     told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
     assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
     answer = invoke(*files, *metric, *told, "--resample", "4s", "--max-gap", "60s,10s")
-    assert "--ignore truth-gaps does not judge them" in answer.err
+    assert "--ignore truth-gaps leaves them out" in answer.err
     told += ["--resample", "4s", "--max-gap", "60s,10s", "--time-offset", "-4.7"]
     answer = invoke(*files, *metric, *told, "--ignore", "truth-gaps", "--format", "json")
     found = json.loads(answer.out)
@@ -223,7 +223,7 @@ def test_degrees_beside_heights_are_told_and_never_scaled(invoke) -> None:
     assert "lat, lon, alt are compared as plain numbers: degrees are added to others" in told
     assert "or use --estimate-scale alt=3.2808" in told
     told = invoke(*files, "--distance", "haversine", "-c", "300", "-g", "100").err
-    assert "haversine has no heights; --distance geodesic has" in told
+    assert "haversine does not use heights; --distance geodesic does" in told
     local = "--estimate-crs", "enu", "--origin", "56,13", "--distance", "geodesic", "-c", "300"
     assert "leave --distance out" in invoke(*files[:2], *local).err
 

@@ -73,7 +73,7 @@ def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image
     answer = invoke("truth.txt", "est.txt", "--distance", "iou")
     assert answer.status == 3
     assert "0 is no width of a box" in answer.err
-    assert "and no other row is right" in answer.err
+    assert "and no row is valid" in answer.err
     assert "drop" not in answer.err
 
 

@@ -172,7 +172,7 @@ def test_a_wide_table_is_read_by_the_pattern_of_the_message(
     paths = both("{}.csv", lambda side: wide(side, header))
     answer = invoke(*paths, "-c", "5", "-g", "2")
     assert (answer.status, answer.out) == (3, "")
-    assert f"if each object has columns of its own, --truth-columns '{columns}'" in answer.err
+    assert f"if each object has its own columns, --truth-columns '{columns}'" in answer.err
     answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", columns)
     assert total(answer) == pytest.approx(9 * 0.25 + 12.5, rel=1e-4)
     tables = [pd.read_csv(path) for path in paths]
@@ -247,8 +247,8 @@ def test_a_folder_of_yolo_has_a_frame_a_file(invoke: Invoke) -> None:
     answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")
     assert total(answer) == pytest.approx(10 * 0.01**2, rel=1e-4)
     for text, said in (
-        ("0 0.2 0.3 0.05 0.1 0.87\n", "no id, as detections have none"),
-        ("0 0.2 0.3 0.05 0.1\n", "no id, as detections have none"),
+        ("0 0.2 0.3 0.05 0.1 0.87\n", "no id: these are detections"),
+        ("0 0.2 0.3 0.05 0.1\n", "no id: these are detections"),
     ):
         write("res/clip_3.txt", text)
         answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")

@@ -211,7 +211,7 @@ def test_large_coordinates_are_told(invoke: Invoke, write: Write) -> None:
         "warnings"
     ][:1]
     assert warning["code"] == "rounded-coordinates"
-    assert "1.2e-07 apart as floating-point numbers: digit 8 of the total" in warning["text"]
+    assert "are 1.2e-07 apart: digit 8 of the total" in warning["text"]
 
 
 def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> None:

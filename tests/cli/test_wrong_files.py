@@ -50,7 +50,7 @@ def test_one_side_without_rows_is_said(invoke: Run, write: Write) -> None:
     answer = invoke(*files, "--class", "car", "-q")
     assert answer.status == 0
     answer = invoke(*files, "--class", "car")
-    assert "warning: no row of the estimate takes part" in answer.err
+    assert "warning: no row of the estimate is evaluated" in answer.err
 
 
 @pytest.mark.parametrize("format_", ["motchallenge", "kitti"])

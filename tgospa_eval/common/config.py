@@ -112,8 +112,8 @@ def load(
     refused = [quoted(name) for name in options if name not in trusted]
     if refused and not named:
         raise ConfigError(
-            f"{path}: a file that nobody named may not set {', '.join(refused)}; if it is yours, "
-            f"name it: {option('config', path)}"
+            f"{path}: only a file named on purpose may set {', '.join(refused)}; if it is yours, "
+            f"use {option('config', path)}"
         )
     return SettingsFile(path=path, named=named, options=options)
 
@@ -135,7 +135,7 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, int | float) and abs(number) > LARGEST_NUMBER:
                 raise ConfigError(
-                    f"{path}: {quoted(key)} is no finite number, or beyond those of a double"
+                    f"{path}: {quoted(key)} is not a finite number in the range of a double"
                 )
         if isinstance(value, list):
             value = ",".join(map(str, value))
@@ -143,12 +143,12 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
             kind = (
                 "nothing" if value is None else "a table" if isinstance(value, dict) else "a date"
             )
-            raise ConfigError(f"{path}: {quoted(key)} is {kind}; a number or a text is needed")
+            raise ConfigError(f"{path}: {quoted(key)} is {kind}; must be a number or a text")
         if name in settings:
             raise ConfigError(f"{path}: {quoted(name)} is given twice, under two names")
         if isinstance(value, bool) != known[name]:
             needed = "true or false" if known[name] else "a value, not true or false"
-            raise ConfigError(f"{path}: {quoted(key)} is {value!r}; needed is {needed}")
+            raise ConfigError(f"{path}: {quoted(key)} is {value!r}; must be {needed}")
         settings[name] = value
     return settings
 

@@ -116,7 +116,7 @@ def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: st
             if wrong:
                 yield wrong
         elif isinstance(description, Closed):
-            yield f"{place}: is no field of ours"
+            yield f"{place}: is an unknown field"
 
 
 def _expected(description: Any) -> str:
@@ -146,11 +146,11 @@ def strict_json(text: str | bytes) -> Any:
     try:
         return json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
     except RecursionError:
-        raise ValueError("lists in lists without end") from None
+        raise ValueError("lists are nested too deeply") from None
 
 
 def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number of JSON; every value must be finite")
+    raise ValueError(f"{text} is not a JSON number; every value must be finite")
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -158,7 +158,7 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     members: dict[str, object] = {}
     for name, value in pairs:
         if name in members:
-            raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
+            raise ValueError(f"{quoted(name)} is a duplicate key; delete one")
         members[name] = value
     return members
 

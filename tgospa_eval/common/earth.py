@@ -41,10 +41,10 @@ def from_crs(text: str, option: str) -> Any:
     try:
         crs = pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.CRSError:
-        raise ConfigError(f"{option} {quoted(text)}: pyproj knows no such system") from None
+        raise ConfigError(f"{option} {quoted(text)}: pyproj does not know this system") from None
     if not crs.is_projected:
         raise ConfigError(
-            f"{option} {quoted(text)}: is not projected; of latitudes and longitudes write lat,lon"
+            f"{option} {quoted(text)}: is not projected; for latitudes and longitudes write lat,lon"
         )
     return pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
 

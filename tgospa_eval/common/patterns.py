@@ -119,7 +119,7 @@ def match_files(
         which = os.path.join(folder, first)
         which += f" and {counted(len(more), 'more file')}" if more else ""
         it = "them" if more else "it"
-        notices[why] = f"{which}: passed over, being {why}; to evaluate {it}, {remedy}"
+        notices[why] = f"{which}: skipped ({why}); to evaluate {it}, {remedy}"
     return files, notices
 
 

@@ -73,8 +73,8 @@ class Registry(Mapping[str, T], Generic[T]):
         owners = ["tgospa-eval"] * (name in self.own) + list(map(str, points))
         if len(owners) > 1:
             raise ConfigError(
-                f"the {self.kind} {quoted(name)} is of {' and of '.join(owners)}: rename the entry "
-                "point, or uninstall a package"
+                f"the {self.kind} {quoted(name)} is provided by {' and of '.join(owners)}: rename "
+                "the entry point, or uninstall a package"
             )
         if not points:
             return self.ours(name)

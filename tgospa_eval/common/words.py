@@ -45,14 +45,16 @@ def parsed_size(value: object) -> int:
         It is no size, or no size of a memory.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ConfigError(f"{value!r} is no size; write 4GB or 500MB")
+        raise ConfigError(f"{value!r} is not a size; write 4GB or 500MB")
     parts = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([A-Za-z]*)\s*", str(value))
     unit = BYTES_OF.get(parts[2].upper()) if parts else None
     if parts is None or unit is None:
-        raise ConfigError(f"{str(value)!r} is no size; write 4GB or 500MB, a number alone is of GB")
+        raise ConfigError(
+            f"{str(value)!r} is not a size; write 4GB or 500MB, a number alone means GB"
+        )
     size = float(parts[1]) * unit
     if not MIN_MEMORY <= size < 2**50:
-        raise ConfigError(f"{value} is less than 100MB, or more than there is")
+        raise ConfigError(f"{value} is less than 100MB, or more than this machine has")
     return int(size)
 
 

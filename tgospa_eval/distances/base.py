@@ -179,7 +179,7 @@ class Distance(ABC):
         ConfigError
             No derivative is known.
         """
-        raise ConfigError(f"no derivative is known of the distance {self.name} with these settings")
+        raise ConfigError(f"the distance {self.name} has no known derivative with these settings")
 
     @property
     def lower_bound(self) -> "Distance":
@@ -358,15 +358,15 @@ def check_columns(
                 local = "truth" if "lat" in estimate.columns else "estimate"
                 remedy = (
                     f"{option(f'{local}_crs')} enu (or ned) and "
-                    f"{option('origin', metavar='LAT,LON')} bring local axes and places on the "
-                    "Earth together"
+                    f"{option('origin', metavar='LAT,LON')} combine local axes and positions on "
+                    "the Earth"
                 )
             raise InputError(
                 f"{name} has a column {quoted(extra[0])} that {missing} lacks; {remedy}"
             )
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"
-        raise InputError(f"state columns are in different orders: {orders}; take one order")
+        raise InputError(f"state columns are in different orders: {orders}; use one order")
 
 
 def check_states(
@@ -406,19 +406,18 @@ def _check_kinds(
         return
     if {"gaussian", "cloud"} <= set(named):
         raise InputError(
-            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
-            "normal law from a cloud has no closed form; "
-            f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')} takes a "
-            "cloud as the normal law of its mean and covariance"
+            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance "
+            "between a Gaussian and a cloud has no closed form; "
+            f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')} treats a "
+            "cloud as a Gaussian"
         )
     if "cloud" in refused:
         raise InputError(
-            f"{named['cloud']} has particles: clouds are no normal laws; take "
-            f"{option('distance', 'cloud-wasserstein')}, or {option('mixed', 'moments')}, the "
-            "normal law of their means and covariances"
+            f"{named['cloud']} has particles: clouds are not Gaussians; use "
+            f"{option('distance', 'cloud-wasserstein')}, or {option('mixed', 'moments')}, which "
+            "treats a cloud as a Gaussian"
         )
     raise InputError(
-        f"{named['gaussian']} has covariances, not particles; take "
-        f"{option('distance', 'gaussian-wasserstein')}, or leave the columns out to compare it as "
-        "points"
+        f"{named['gaussian']} has covariances, not particles; use "
+        f"{option('distance', 'gaussian-wasserstein')}, or leave the columns out to compare points"
     )

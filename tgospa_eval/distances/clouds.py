@@ -137,7 +137,7 @@ class CloudPairs(Distance):
         works = self.works(sizes, rows, sides)
         largest = max(int(size.max(initial=0)) for size in sizes)
         what = f"{counted(len(at), 'distance')} of clouds of up to {largest} particles"
-        what += f"; {option('reduce', 50)} makes them small" if largest > MANY_PARTICLES else ""
+        what += f"; {option('reduce', 50)} reduces them" if largest > MANY_PARTICLES else ""
         value[at] = _solved(partial(self.one, (a, b)), rows, works, what, resources)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
@@ -191,8 +191,8 @@ class OwnCovariance(CloudPairs):
                 factor = cholesky(matrix)
             except ConfigError:
                 raise InputError(
-                    f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, too "
-                    f"few distinct particles; take {option('inner_cov', 'global')} or a file"
+                    f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, "
+                    f"too few distinct particles; use {option('inner_cov', 'global')} or a file"
                 ) from None
             difference = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
             if not self.gating or np.linalg.norm(difference) < cutoff * (1 + SLACK):
@@ -413,8 +413,8 @@ class CloudWasserstein(Distance):
             return self  # nothing to compare
         if not spreads:
             raise ConfigError(
-                "the inner distance mahalanobis takes the mean covariance of the clouds, and there "
-                f"are none; name one with {option('inner_cov', metavar='FILE')}"
+                "the inner distance mahalanobis needs the mean covariance of the clouds, but "
+                f"there are no clouds; give one with {option('inner_cov', metavar='FILE')}"
             )
         matrices = np.concatenate(spreads)
         mean = matrices.mean(axis=0) * np.multiply.outer(*2 * [np.array(self.scale or 1.0)])
@@ -422,8 +422,9 @@ class CloudWasserstein(Distance):
             return replace(self, covariance=mean)
         except ConfigError:
             raise InputError(
-                "the mean covariance of the clouds is singular, too few distinct particles for the "
-                f"inner distance mahalanobis; name one with {option('inner_cov', metavar='FILE')}"
+                "the mean covariance of the clouds is singular, too few distinct particles for "
+                "the inner distance mahalanobis; give one with "
+                f"{option('inner_cov', metavar='FILE')}"
             ) from None
 
     def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, Distance]:
@@ -451,7 +452,7 @@ class CloudWasserstein(Distance):
         """
         if self.reduction is not None:
             raise ConfigError(
-                "no derivative is known of reduced clouds: evaluate without reduce, or reduce them "
+                "reduced clouds have no known derivative: evaluate without reduce, or reduce them "
                 "before"
             )
         scale = np.ones(sides[1].state.shape[1]) if self.scale is None else np.asarray(self.scale)
@@ -617,8 +618,8 @@ class SlicedWasserstein(CloudWasserstein):
         for name in ("directions", "seed"):
             if name in other and other[name] != getattr(self, name):
                 raise ConfigError(
-                    f"{name} is {getattr(self, name)}, and {other[name]} of the reduction: must be "
-                    "the same"
+                    f"{name} is {getattr(self, name)}, but {other[name]} in the reduction: must "
+                    "be the same"
                 )
 
     @property
@@ -668,7 +669,7 @@ class SlicedWasserstein(CloudWasserstein):
         ConfigError
             Always.
         """
-        raise ConfigError(f"no derivative is known of the distance {self.name}")
+        raise ConfigError(f"the distance {self.name} has no known derivative")
 
 
 MAX_SLICED = SlicedWasserstein(maximum=True)

@@ -296,7 +296,8 @@ def _dimension(count: int) -> int:
     d = covariances.size_of(count + 1) - 1
     if d < 1 or d * (d + 3) // 2 != count:
         raise InputError(
-            f"laws have d components of a mean and d (d + 1) / 2 of a factor, not {count} in all; "
+            f"Gaussians have d components of a mean and d (d + 1) / 2 of a factor, not {count} in "
+            "all; "
             "gaussian_wasserstein takes covariances"
         )
     return d

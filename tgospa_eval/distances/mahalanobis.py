@@ -234,7 +234,7 @@ class PairMahalanobis(Distance):
         if len(singular):
             raise InputError(
                 f"{pair_named(sides, i[singular[0]], j[singular[0]])}: the covariance of the pair "
-                f"is singular; take {option('covariance', metavar='FILE')}, or another distance"
+                f"is singular; use {option('covariance', metavar='FILE')}, or another distance"
             )
         return pairs
 

@@ -44,8 +44,8 @@ class Haversine(Distance):
         """
         if columns == (*PLACES, HEIGHT):
             raise InputError(
-                f"{name}: {option('distance', 'haversine')} has no heights; "
-                f"{option('distance', 'geodesic')} has, and {option('columns', 'lat,lon')} leaves "
+                f"{name}: {option('distance', 'haversine')} does not use heights; "
+                f"{option('distance', 'geodesic')} does, {option('columns', 'lat,lon')} leaves "
                 "them out"
             )
         super().check_columns(columns, name)

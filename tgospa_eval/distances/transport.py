@@ -246,8 +246,8 @@ MAX_PARTICLES = 4000
 def too_large() -> str:
     """Return the message about a pair of clouds of too many particles."""
     return (
-        f"more than {MAX_PARTICLES} x {MAX_PARTICLES} particles of a pair take too long and too "
-        f"much memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
+        f"more than {MAX_PARTICLES} x {MAX_PARTICLES} particles in a pair take too much time and "
+        f"memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
     )
 
 
@@ -405,8 +405,8 @@ def _pair(
     b = as_cloud(points_b, weights_b, "second cloud", depth=4)
     if a[0].shape[1] != b[0].shape[1]:
         raise ConfigError(
-            f"the first cloud has {a[0].shape[1]} components, the second {b[0].shape[1]}; "
-            "compare the same ones"
+            f"the first cloud has {a[0].shape[1]} components, the second {b[0].shape[1]}; both "
+            "must have the same"
         )
     return a, b
 

@@ -169,8 +169,8 @@ def _resampled(
         if not len(tick_times):
             raise ConfigError(
                 f"{option('resample', matching.resample.text)}: no multiple of it is between the "
-                f"first and the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; "
-                "give less"
+                f"first and last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; use "
+                "a smaller step"
             )
     ticks = _stamped(tick_times, truth, truth.clock)
     make = partial(

@@ -27,8 +27,8 @@ def gradient(result: PairEvaluation) -> Gradient:
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
-            f"{option('resample')}: reports hold for several steps, and no derivative by their "
-            "states is known; evaluate at the times of the estimate, "
+            f"{option('resample')}: a report holds for several steps, so no derivative is known; "
+            "evaluate at the times of the estimate, "
             f"{option('interpolate', 'truth')}"
         )
     proof = result.proof

@@ -75,7 +75,7 @@ class Condition:
                     wrong = self.values[numbers.index(None)]
                     raise ConfigError(
                         f"{option('ignore')} {quoted(self.text)}: column {quoted(self.column)} "
-                        f"has numbers, and {quoted(wrong)} is none"
+                        f"has numbers, but {quoted(wrong)} is not a number"
                     )
                 return np.isin(values, [number for number in numbers if number is not None])
             return np.array([text in self.values for text in values.tolist()], bool)
@@ -84,7 +84,7 @@ class Condition:
             if given:
                 raise ConfigError(
                     f"{option('ignore')} {quoted(self.text)}: column {quoted(self.column)} has "
-                    f"texts, such as {quoted(given[0])}; compare them by ="
+                    f"texts, such as {quoted(given[0])}; compare them with ="
                 )
             return np.zeros(len(values), bool)
         fitting: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
@@ -219,7 +219,7 @@ class Ignoring:
             what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
             yield f"{self.regions.name}: {what}"
         if self.texts and not (ignored or excused):
-            yield f"{option('ignore')} {listed(self.texts)}: no state fits, all are judged"
+            yield f"{option('ignore')} {listed(self.texts)}: no state matches; all are evaluated"
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
@@ -258,10 +258,11 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
                 "or occlusion>1"
             )
         if match[1] == CLASS and match[2] != "=":
-            raise ConfigError(f"{option('ignore')} {quoted(text)}: classes are compared by =")
+            raise ConfigError(f"{option('ignore')} {quoted(text)}: compare classes with =")
         if match[2] != "=" and (len(values) > 1 or parsed(values[0]) is None):
             raise ConfigError(
-                f"{option('ignore')} {quoted(text)}: {quoted(match[3])} is no plain, finite number"
+                f"{option('ignore')} {quoted(text)}: {quoted(match[3])} is not a plain, finite "
+                "number"
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
     return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)

@@ -114,7 +114,7 @@ class Share:
         minimum = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
         if limit < minimum:
             raise MemoryTooSmallError(
-                f"data in parts take {size_text(minimum)} at least: allow "
+                f"data in parts need at least {size_text(minimum)}: allow "
                 f"{option('memory', size_text(minimum))}"
             )
         return cls(jobs=1, data=limit - main, single=limit - main, fixed=main)
@@ -150,9 +150,9 @@ class Share:
         if needed > self.single:
             size = size_text(needed + self.fixed)
             raise MemoryTooSmallError(
-                f"objects near one another make a component of {entries:,} near pairs, which is "
-                f"solved at once in {size}: allow {option('memory', size)}, choose "
-                f"a smaller cutoff, or evaluate parts of the recording, by {option('time')}"
+                f"one component of nearby objects has {entries:,} near pairs and needs {size} at "
+                f"once: allow {option('memory', size)}, choose a smaller cutoff, or evaluate parts "
+                f"of the recording, by {option('time')}"
             )
         return False
 
@@ -214,7 +214,7 @@ def check_pairs(rows: int, pairs: int, limit: int) -> None:
     needed = base("whole", formats) + of_row * rows + of_pair * pairs
     if needed > limit:
         raise MemoryTooSmallError(
-            f"{pairs:,} near pairs of objects take some {size_text(needed)} in memory, more than "
+            f"{pairs:,} near pairs of objects need about {size_text(needed)} of memory, more than "
             f"{option('memory')} allows; allow more, or choose a smaller cutoff"
         )
 

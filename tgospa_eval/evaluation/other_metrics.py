@@ -148,7 +148,7 @@ def other_metrics(
                 sides = first, second
             if prepared.reports is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
-                    f"{option('with_')} hota, clear and identity do not go together with "
+                    f"{option('with_')} hota, clear and identity cannot be combined with both "
                     f"{option('resample')} and {option('ignore')}; leave one out"
                 )
             pairs = _similar_pairs(sides, prepared.distance, zero, resources, prepared.reports)

@@ -292,9 +292,9 @@ def add_up(
     first = parts[0]
     if any(part.labels.times != first.labels.times for part in parts):
         raise ConfigError(
-            f"{option('by', 'class')}: {option('interpolate')} leaves each class steps of its "
-            f"own, and their costs do not add up; {option('resample')} gives all the same, or "
-            f"choose one class by {option('class_', metavar='NAME')}"
+            f"{option('by', 'class')}: {option('interpolate')} gives each class its own steps, so "
+            f"costs do not add up; use {option('resample')}, or choose one class with "
+            f"{option('class_', metavar='NAME')}"
         )
     bounds = [part.proof.bounds for part in parts]
     splits = [part.proof.breakdown for part in parts]

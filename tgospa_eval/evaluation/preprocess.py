@@ -109,7 +109,7 @@ def preprocessed(
     elif truth.format != benchmark:
         raise ConfigError(
             f"{chosen}: {names[0]} is read as {truth.format or 'a table'}; only files of "
-            f"{benchmark} say what is not judged"
+            f"{benchmark} say what is not evaluated"
         )
     if benchmark == "motchallenge":
         if truth.klass is None:
@@ -148,18 +148,17 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
         if count:
             text = (
                 f"{counted(count, 'box is a distractor', 'boxes are distractors')} (classes "
-                f"{', '.join(DISTRACTORS)}), and a tracker that has them is charged for them"
+                f"{', '.join(DISTRACTORS)}), and a tracker is penalised for reporting them"
             )
     elif truth.format == "kitti" and IGNORED in truth.left_out:
         text = (
-            "tables of KITTI are of one class, without what a tracker has in regions "
-            f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
-            "is charged for all"
+            f"KITTI's tables are for one class and leave out estimates in {IGNORED} regions, on "
+            "neighbouring classes (Van, Person_sitting), or too small; here all of them count"
         )
     elif truth.format == "visdrone" and not truth.left_out.keys().isdisjoint(AS_REGIONS):
         text = (
-            "tables of VisDrone are without what is in ignored regions and on others: here a "
-            "tracker is charged for it"
+            "VisDrone's tables leave out estimates in ignored regions and on class others; here "
+            "all of them count"
         )
     if text:
         rule = truth.format
@@ -167,8 +166,8 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
         way += f" {option('class_', 'car')}, or pedestrian," * (rule == "kitti")
         yield Notice(
             code="benchmark-rules",
-            text=f"{text}: HOTA, MOTA and IDF1 are not those of the tables",
-            remedy=f"{way} leaves out what they leave out",
+            text=f"{text}: HOTA, MOTA and IDF1 differ from the tables",
+            remedy=f"{way} leaves out the same",
         )
 
 

@@ -236,9 +236,9 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
     return (
         Notice(
             code="at-cutoff",
-            text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff within "
-            "rounding: nearer ones cost nothing, others are false, so the last digits of the "
-            "states decide",
+            text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff "
+            "within rounding: nearer pairs cost nothing, others are false, so the last "
+            "digits of the states decide",
             remedy=f"a slightly larger {option('cutoff')} makes them cost nothing, a smaller one "
             "false",
         ),
@@ -267,9 +267,9 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     return (
         Notice(
             code="rounded-coordinates",
-            text=f"coordinates up to {largest:.3g} are {spacing:.2g} apart as floating-point "
-            f"numbers: digit {math.ceil(-math.log10(error / total))} of the "
-            "total may come from their rounding",
+            text=f"floating-point numbers near the largest coordinate, {largest:.3g}, are "
+            f"{spacing:.2g} apart: digit {math.ceil(-math.log10(error / total))} of the "
+            "total may come from rounding",
             remedy="coordinates with a nearby origin keep more digits",
         ),
     )

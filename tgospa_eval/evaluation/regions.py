@@ -100,7 +100,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
         regions = as_regions(text, decimal)
         assert regions is not None
         if not regions.shapes:
-            raise InputError(f"{regions.name}: there is no region, so that no row would be left")
+            raise InputError(f"{regions.name}: it has no region, so no row would be left")
         return regions
 
     row = [part.strip() for part in numbers.split(",")]
@@ -150,8 +150,8 @@ def inside(
     axes = [side.columns.index(c) for c in (EARTH if earth else PLANE) if c in side.columns]
     if not boxes and len(axes) < 2:
         raise InputError(
-            f"{regions.name}: regions are of states x,y, lat,lon or left,top,width,height; those "
-            f"of {name} are {','.join(side.columns)}"
+            f"{regions.name}: regions need state columns x,y, lat,lon or left,top,width,height; "
+            f"{name} has {','.join(side.columns)}"
         )
     own_places = side.state[:, axes], earth
     there = own_places if regions.origin is None else (on_earth(side.state, regions.origin), True)
@@ -305,14 +305,14 @@ def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     """
     if shape.kind not in ((CAP, POLYGON, GEOJSON) if earth else (BOX, CIRCLE, POLYGON, GEOJSON)):
         raise InputError(
-            f"{shape.where}: {','.join(SHAPES[shape.kind])} is no region of states "
+            f"{shape.where}: {','.join(SHAPES[shape.kind])} is not a region for state columns "
             f"{','.join(EARTH if earth else PLANE)}"
         )
     ring, turned = shape.rings[0], earth and shape.kind == GEOJSON
     corners = ring[None, :2] if shape.kind == CAP else np.concatenate(shape.rings)
     if earth and (abs(corners[:, ::-1] if turned else corners) > (90, 360)).any():
         order = "lon, lat" if turned else "lat lon"
-        raise InputError(f"{shape.where}: places are {order}, in degrees, and one is out of range")
+        raise InputError(f"{shape.where}: positions are {order} in degrees; one is out of range")
     if shape.kind == CAP:
         sides = ((points[:, axis], ring[axis]) for axis in (0, 1))
         near: Mask = Haversine().between(sides) <= ring[2]
@@ -395,7 +395,7 @@ def read_regions(path: str, decimal: str = ".") -> Regions:
             place = f"{path}, line {error.lineno}, column {error.colno}"
             raise InputError(f"{place}: no JSON: {error.msg}") from None
         except RecursionError:
-            raise InputError(f"{path}: no GeoJSON: lists in lists without end") from None
+            raise InputError(f"{path}: not GeoJSON: nested too deeply") from None
     lines, rows = rows_of(data, path, decimal, even=True)
     return of_rows(rows[0], rows[1:], [f"{path}, line {line}" for line in lines], decimal, path)
 
@@ -419,9 +419,9 @@ def of_rows(
     unknown = [text for text in names if text not in {*KNOWN, time}]
     whole = any({*columns} <= {*names} for columns in SHAPES.values())
     if unknown or len({*names}) < len(names) or not whole:
-        what = "columns are missing or double"
+        what = "columns are missing or duplicate"
         if unknown:
-            what = f"column {quoted(unknown[0])} is none of regions"
+            what = f"column {quoted(unknown[0])} is not a column of regions"
         raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
     shapes, timestamps = [], []
     for place, row in zip(places[1:], rows, strict=True):
@@ -461,7 +461,7 @@ def of_geojson(document: Any, name: str) -> Regions:
         It has other geometries than polygons, or one is wrong.
     """
     if not isinstance(document, Mapping):
-        raise InputError(f"{name}: no GeoJSON; a FeatureCollection of polygons is")
+        raise InputError(f"{name}: not GeoJSON; must be a FeatureCollection of polygons")
     kind = document.get("type")
     features = document.get("features") if kind == "FeatureCollection" else [document]
     shapes, timestamps, places = [], [], []
@@ -483,7 +483,7 @@ def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
     """Return the rings of each polygon of a geometry; of positions the first two numbers."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
-        raise InputError(f"{where}: {quoted(kind)} is no Polygon and no MultiPolygon")
+        raise InputError(f"{where}: {quoted(kind)} is neither a Polygon nor a MultiPolygon")
     try:
         given = geometry["coordinates"]
         return [

@@ -55,7 +55,7 @@ class Sliding:
         if self.every > self.size:
             raise ConfigError(
                 f"every is {in_words(self.every)}: must be at most the {in_words(self.size)} of a "
-                "window, or there would be steps in none"
+                "window, or some steps would be in no window"
             )
 
     @classmethod
@@ -69,7 +69,7 @@ class Sliding:
         """
         if window is None:
             if every is not None:
-                raise ConfigError("every is given without window: say how long a window is")
+                raise ConfigError("every needs window, the length of a window")
             return None
         size = _length(window, "window")
         if every is not None:

@@ -160,8 +160,8 @@ def _numbers(
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
         raise ConfigError(
-            f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), for which there "
-            f"is no {wanted}; by value: {option('slices', attribute.name)}"
+            f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), which have no "
+            f"{wanted}; by value: {option('slices', attribute.name)}"
         )
     return [
         None
@@ -236,7 +236,8 @@ def _by_text(
     names = list(attribute.values) or sorted(there, key=natural)
     if there and not summed and attribute.values and not there & set(names):
         raise ConfigError(
-            f"{option('slices')} {attribute.name}={':'.join(names)}: there is none of these, but "
+            f"{option('slices')} {attribute.name}={':'.join(names)}: none of these exists; there "
+            "are "
             f"{listed(sorted(there, key=natural)[:10])}"
         )
     if len(names) > MAX_SLICES:
@@ -375,7 +376,7 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
     there = sorted(offered.union(*known))
     if name == "size":
         return (
-            f"{option('slices', 'size')}: neither side has boxes, nor columns width and height "
+            f"{option('slices', 'size')}: neither side has boxes or columns width and height "
             f"(found: {listed(there)})"
         )
     return (
@@ -432,7 +433,7 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
         raise ConfigError(
-            f"{option('slices', 'range')}: of latitudes and longitudes write range@LAT,LON"
+            f"{option('slices', 'range')}: for latitudes and longitudes write range@LAT,LON"
         )
     if len(origin) > len(places):
         raise ConfigError(

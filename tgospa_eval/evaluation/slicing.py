@@ -154,7 +154,7 @@ def _edges(ends: list[str], text: str) -> tuple[float, ...]:
     low = () if ends[0] else (-math.inf,)
     high = () if ends[-1] else (math.inf,)
     if not values:
-        raise ConfigError(f"{option('slices')} {quoted(text)}: names no edge")
+        raise ConfigError(f"{option('slices')} {quoted(text)}: no edge is given")
     return (*low, *values, *high)
 
 

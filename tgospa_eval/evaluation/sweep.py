@@ -67,8 +67,8 @@ def _check_steps(
     )
     if not np.array_equal(first, last):
         raise ConfigError(
-            "which steps count depends on the cutoff, as silences of the estimate are charged: "
-            f"sweep it on a common clock, {option('resample')}"
+            "which steps count depends on the cutoff, as objects are missed while the estimate is "
+            f"silent: use a common clock, {option('resample')}"
         )
 
 

@@ -98,7 +98,7 @@ def _array(path: str, data: bytes) -> Array:
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
         what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
-        raise InputError(f"{path}: no readable npy file: {what}")
+        raise InputError(f"{path}: not a readable npy file: {what}")
     try:
         values = np.frombuffer(data, kind, offset=stream.tell())
         return values.reshape(shape, order="F" if in_columns else "C")
@@ -235,9 +235,9 @@ def _columns(
         names = BOX if options.boxes and size == len(BOX) else column_names(size)
     taken = {"id", "t", "weight"} & set(names)
     if taken:
-        raise InputError(f"{path}: a column of the states is named {min(taken)}; name it otherwise")
+        raise InputError(f"{path}: a column of the states is named {min(taken)}; rename it")
     if len(set(names)) < size:
-        raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
+        raise InputError(f"{path}: columns {', '.join(names)}: a name is a duplicate; rename one")
     return names
 
 
@@ -318,7 +318,7 @@ def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]],
         unused.remove(deep[0])
     for kind, (name, array) in kinds.items():
         if 8 * prod(max(size, 1) for size in array.shape) >= LARGEST_ARRAY:
-            raise InputError(f"{path}: {sized(name, array.shape)}: no memory holds such axes")
+            raise InputError(f"{path}: {sized(name, array.shape)}: too large for memory")
         if kind in NUMPY and array.dtype.kind not in "iuf":
             raise InputError(f"{path}: {name} of type {array.dtype}; it must be of real numbers")
         if kind not in NUMPY and max(array.shape, default=1) != array.size:
@@ -358,8 +358,8 @@ def _oriented(
             f"{kinds[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
         )
         raise InputError(
-            f"{path}: {shapes}: do not fit; {rules}, of T steps, n trajectories, d coordinates and "
-            "N particles; other axes stand in the name, x_dTn"
+            f"{path}: {shapes}: sizes do not match; {rules}, for T steps, n tracks, d coordinates "
+            "and N particles; give another order of axes in the name, x_dTn"
         )
     made = [
         {kind: _turned(array, way[kind], kind) for kind, (_, array) in kinds.items()}
@@ -435,7 +435,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # NumPy opens any zip file
             raise InputError(
-                f"{path}: no readable npz file: {quoted(name)} in it is no array; write it with "
+                f"{path}: not a readable npz file: {quoted(name)} in it is not an array; write it "
+                "with "
                 "numpy.savez, and tables, such as those of a spreadsheet, as CSV"
             )
     if any(array.ndim >= AXES for array in arrays.values()):

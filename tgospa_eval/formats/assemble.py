@@ -181,7 +181,7 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
-            text=f"id {names[k]}{of_rows} is taken for one track; {OFTEN_NONE}",
+            text=f"id {names[k]}{of_rows} counts as one track; {OFTEN_NONE}",
             remedy=without_id(names[k], rows, options.option),
         )
     used = count[count > 0]
@@ -193,15 +193,15 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
         yield Notice(
             code="ids-exchanged",
             text="rows of one id are far apart, those of one step near: the columns of ids and "
-            "times may be exchanged",
+            "times may be swapped",
             remedy=f"{ask(options.option, placed)} reads them so",
         )
     if roles.other_ids and len(used) > 2 and (used == 1).all():
         yield Notice(
             code="ids-of-rows",
-            text=f"no id of {quoted(roles.headers[roles.id])} has a second row: these are no "
+            text=f"every id of {quoted(roles.headers[roles.id])} has a single row: these are not "
             "tracks",
-            remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads others",
+            remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads another column",
         )
     groups = []
     for column in roles.groups:
@@ -216,9 +216,9 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
         whole_id = "+".join([*groups, own])
         yield Notice(
             code="ids-begin-anew",
-            text=f"ids of {quoted(own)} are the same for several of {quoted(groups[0])}, and each "
-            "is taken for one track",
-            remedy=f"{ask(options.option, [f'id={whole_id}'])} if they are numbered anew",
+            text=f"ids of {quoted(own)} repeat in several values of {quoted(groups[0])}, and "
+            "each id counts as one track",
+            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers begin anew in each",
         )
 
 
@@ -245,7 +245,7 @@ SAMPLED, EXCHANGED = 10_000, 5.0
 """Rows that are looked at, and how many times as far they are if ids are times."""
 
 
-OFTEN_NONE = "many programs write it where a row belongs to no track"
+OFTEN_NONE = "many programs write it for rows without a track"
 
 
 def without_id(name: str, rows: Rows, columns: str) -> str:
@@ -297,7 +297,7 @@ def said_of(rule: str, count: int, which: str) -> str:
     """Return the message about the rows that a rule leaves out; `which` as of `on_duplicate`."""
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
-        return f"{rows_repeat} an (id, t): the {which} one was taken"
+        return f"{rows_repeat} an (id, t): the {which} one was used"
     return f"{counted(count, 'row')} {rules_said()[rule]}"
 
 
@@ -314,7 +314,7 @@ def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) ->
             shown = ", ".join(map(quoted, there[:10])) or "none"
             yield f"no row of class {quoted(name)}; there are {shown}"
         elif match != name:
-            yield f"class {quoted(match)} is taken for {quoted(name)}"
+            yield f"class {quoted(match)} is read as {quoted(name)}"
         elif variants:
             yield f"class {quoted(name)} as it is written; {quoted(variants[0])} is another"
 
@@ -468,7 +468,7 @@ def _check_states(
                 if droppable and left
                 else ""
             )
-            way = way if left else ", and no other row is right"
+            way = way if left else ", and no row is valid"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with it
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
@@ -524,7 +524,7 @@ def _repeats(
             Notice(
                 code="duplicates",
                 text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} "
-                "one was taken: the number says little about the tracker",
+                "one was used: the value says little about the tracker",
                 remedy=_cause(taken, again, rows, options.option)
                 or f"name the columns of ids and times, {option('columns', 'id=HEADER,t=HEADER')}",
             )
@@ -677,8 +677,8 @@ def refusal(
         mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
         return (
             f"{message}ids are numbered anew in each {quoted(groups[0])}: "
-            f"{ask(columns, [f'id={whole_id}'])} makes one scene of all, "
-            f"{mapped}{option('by', 'class')} a sum of each by itself"
+            f"{ask(columns, [f'id={whole_id}'])} evaluates all as one scene, "
+            f"{mapped}{option('by', 'class')} each by itself"
         )
     remedy = f"{option('on_duplicate', 'first')} or last"
     if format == "frame":
@@ -699,7 +699,7 @@ def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
     if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
         return ""
     return (
-        f"nearly every id is {quoted(name)}, as of detections, and TGOSPA compares tracks; if "
-        f"another column than {quoted(rows.roles.headers[rows.roles.id])} has the ids, name it, "
+        f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks; if the "
+        f"ids are not in {quoted(rows.roles.headers[rows.roles.id])}, name their column, "
         f"{option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
     )

@@ -72,8 +72,8 @@ class TimeForm:
                 ZoneInfo(self.zone)
             except (ZoneInfoNotFoundError, ValueError, OSError):
                 raise ConfigError(
-                    f"{option(f'{self.role}_time_zone')} {quoted(self.zone)}: there is no such "
-                    "zone; write UTC, or one such as Europe/Copenhagen"
+                    f"{option(f'{self.role}_time_zone')} {quoted(self.zone)}: unknown time zone; "
+                    "write UTC, or one such as Europe/Copenhagen"
                 ) from None
 
     def read(self, column: Coded) -> Times | None:
@@ -161,7 +161,7 @@ class TimeForm:
             text = iso(int(times.value[row]), "local")
             raise TimeError(
                 row,
-                f"{text} is twice or never in {self.zone}, as clocks are changed"
+                f"{text} occurs twice or never in {self.zone}, where clocks change"
                 f"{more(int(np.count_nonzero(missing[code])))}; write UTC, or times with a zone",
             )
         utc = known.dt.tz_convert("UTC").dt.tz_localize(None)
@@ -214,7 +214,7 @@ def carried(times: Times, begins: float, name: str) -> Times:
     if value.min() < first or value.max() >= first + day:
         raise InputError(
             f"{name}: {option('day_begins', plain(begins))}: is for times of day, below "
-            f"{day // unit:,}, and there are others; leave it out where times have dates"
+            f"{day // unit:,}, but some are larger; leave it out if times have dates"
         )
     later = np.where(value - first < begins * unit, value + np.asarray(day, value.dtype), value)
     if unit == 1:
@@ -255,7 +255,7 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
     low, high = ((float(timestamps[gap + k]) - first) / unit for k in (0, 1))
     noon = day / unit / 2
     at = noon if low < noon <= high else round((low + high) / 2)
-    way = f"{option('day_begins', plain(float(at)))} makes times before that those of the next day"
+    way = f"{option('day_begins', plain(float(at)))} puts earlier times on the next day"
     return int(back.min()), way if low < at <= high else "write the times with dates"
 
 

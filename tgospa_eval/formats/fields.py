@@ -190,8 +190,8 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
         if texts[row].strip().lstrip("+-").isdigit():
             raise TimeError(
                 row,
-                f"the integer {quoted(texts[row])} is not exact beside decimal or larger times; "
-                "write all times as 64-bit integers",
+                f"the integer {quoted(texts[row])} cannot be compared exactly with decimal or "
+                "larger times; write all times as 64-bit integers",
             )
     return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
 
@@ -264,8 +264,8 @@ def _of_fractions(column: Coded, digits: int) -> Times | None:
         row = int(np.argmax(column.code == [part for _, part in pairs].index(largest)))
         raise TimeError(
             row,
-            f"{quoted(column[row])} is no second and its fraction; name the column of the fraction "
-            f"nsec, usec or msec, or say how both are written, {option('truth_time_format')} or "
+            f"{quoted(column[row])} is not a second and its fraction; name the column of the "
+            f"fraction nsec, usec or msec, or give the format, {option('truth_time_format')} or "
             f"{option('estimate_time_format')}",
         )
     if is_epoch:
@@ -295,7 +295,7 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
     if texts:
         if keys:
             examples = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
-            raise TimeError(0, f"mixed kinds of time: {examples}; write all alike")
+            raise TimeError(0, f"mixed kinds of time: {examples}; write all in one format")
         keys = parse_times(texts, floats).value.tolist()
     rank = {key: k for k, key in enumerate(sorted(set(keys)))}
     ranks = np.array([rank[key] for key in keys], np.int64)

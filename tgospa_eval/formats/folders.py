@@ -53,7 +53,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
         try:
             table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
         except (ValueError, csv.Error) as error:  # pandas' parser raises these
-            raise InputError(f"{file}: no CSV table: {' '.join(str(error).split())}") from None
+            raise InputError(f"{file}: not a CSV table: {' '.join(str(error).split())}") from None
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
     return pd.concat(tables)
@@ -75,7 +75,7 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         names.add(frame[1])
         has_id = len(words) in (6, 7) and words[-1].isdigit()
         if not has_id or not all(map(is_number, words)):
-            why = "no id, as detections have none; " if len(words) in (5, 6) else ""
+            why = "no id: these are detections; " if len(words) in (5, 6) else ""
             raise InputError(f"{path}, {place}: {why}{YOLO_RULE}")
         rows.append([words[-1], frame[2], *words[:5]])
         places.append(place)

@@ -389,7 +389,9 @@ def read_deeplabcut(
     rows = list(csv.reader(_text(path, data, options).split("\n")))
     levels = {row[0]: row[1:] for row in rows[: len(LEVELS)] if row and row[0] in LEVELS}
     if not {"bodyparts", "coords"} <= levels.keys():
-        raise InputError(f"{path}: no file of DeepLabCut; its first lines are {', '.join(LEVELS)}")
+        raise InputError(
+            f"{path}: not a file of DeepLabCut, whose first lines are {', '.join(LEVELS)}"
+        )
     begin = len(levels)
     levels.pop("scorer", None)
     names = ["frame", *map(".".join, zip(*levels.values(), strict=False))]

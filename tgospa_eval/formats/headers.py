@@ -389,7 +389,7 @@ class Headers:
             alike = " and ".join(quoted(self.names[k]) for k in sorted(places))
             both = "both" if len(places) == 2 else "all"
             remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
-            raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")
+            raise InputError(f"{self.where}: {alike} may {both} be {name}; choose one, {remedy}")
         return places[0] if places else None
 
     @property
@@ -524,7 +524,7 @@ def absent(
         if pattern := pattern_in(free):
             times = [f"t={named['t']}"] if "t" in named else []
             remedy = ask(headers.option or "columns", [*times, *pattern])
-            return f"{lost}; if each object has columns of its own, {remedy}; else {DETECTIONS}"
+            return f"{lost}; if each object has its own columns, {remedy}; else {DETECTIONS}"
     items = [f"{name}={header}" for name, header in named.items()]
     if set(states) & set(missing):
         items += [name for name in states if name not in named]
@@ -541,4 +541,4 @@ def absent(
             both = [ask(headers.option, [*own, *four]) for four in (corners, sizes)]
             return f"{lost}; map the box with {both[0]} if it is two corners, {both[1]} if its size"
         also += f"; {boxes[0]} is read from columns left, top and width, height or right, bottom"
-    return f"{lost}; rename what is meant, or map it with {ask(headers.option, items)}{also}"
+    return f"{lost}; rename the columns, or map them with {ask(headers.option, items)}{also}"

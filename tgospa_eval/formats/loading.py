@@ -34,7 +34,7 @@ million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
 def more_memory() -> str:
     """Return the last part of messages about files that need too much memory."""
-    return f"; if it is meant, allow more with {option('max_input', metavar='GB')}, or any with 0"
+    return f"; allow more with {option('max_input', metavar='GB')}, or any size with 0"
 
 
 MODEST = 1e8
@@ -78,7 +78,7 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
     if size > allowed * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
-            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {allowed:.2g} GB"
+            f"{path}: {what}: reading it needs about {needed:.2g} GB, {kind} are {allowed:.2g} GB"
             f"{more_memory()}"
         )
 
@@ -200,7 +200,7 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
 
 def unreadable(path: str, kind: str, error: Exception) -> InputError:
     """Return the message about a damaged file."""
-    return InputError(f"{path}: no readable {kind} file: {reason_of(error)}")
+    return InputError(f"{path}: not a readable {kind} file: {reason_of(error)}")
 
 
 def reason_of(error: Exception) -> str:

@@ -216,7 +216,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         if item.attrs.get(EMPTY):  # an empty array stores its dimensions as values
             sizes = [int(size) for size in values.ravel()]
             if 0 not in sizes:
-                raise ValueError(f"{name} is called empty, and is not")
+                raise ValueError(f"{name} is marked empty, but is not")
             return np.zeros(sizes)
         if is_cell:
             elements = map(file.__getitem__, values.ravel(order="F"))
@@ -286,7 +286,7 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
     if not data.startswith((MAT_5, MAT_73)):
-        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
+        raise InputError(f"{path}: not a MAT file of version 5 or 7.3; save with -v7 in MATLAB")
     if data.startswith(MAT_73) and find_spec("h5py") is None:
         raise ConfigError(
             f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
@@ -296,10 +296,10 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
         return call_in_helper(work, path, file_of(path), data, *more)
     except DiedError as error:
         why = f"it ended the process that read it ({error}): it is damaged, or memory is short"
-        raise InputError(f"{path}: no readable MAT file: {why}") from None
+        raise InputError(f"{path}: not a readable MAT file: {why}") from None
     except OSError as error:
         raise ConfigError(
-            f"{path}: MAT files are read in a process of their own, and none can be started here "
+            f"{path}: MAT files are read in a separate process, which cannot be started here "
             f"({reason(error)}); save the tracks as CSV"
         ) from None
 
@@ -562,7 +562,7 @@ class _Sets:
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
-                f"{self.file}: both sides are its variable {name}, compared with itself; in it: "
+                f"{self.file}: both sides are its variable {name}; it has "
                 f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 
@@ -608,14 +608,14 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
             arrays[field] = values
         elif field in TRAJECTORY_FIELDS or kind_of(field)[0]:
             raise InputError(
-                f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
+                f"{name}.{field}: not real numbers; it must be a numeric array of one structure"
             )
     if not fields.keys() >= {*TRAJECTORY_FIELDS}:
         return array_rows(name, arrays, options, file=file, axes=MATLAB)
     start, length = (_whole(f"{name}.{field}", arrays.pop(field)) for field in ("tVec", "iVec"))
     state = arrays.pop("xState")
     if state.dtype.kind not in "iuf":
-        raise InputError(f"{name}.xState: no real numbers; it must be a numeric array")
+        raise InputError(f"{name}.xState: not real numbers; it must be a numeric array")
     shape = state.shape
     if not state.size and not len(start):
         state = np.zeros((state.shape[0] or 2, 0, 0))
@@ -652,6 +652,6 @@ def _whole(name: str, values: NDArray[np.generic]) -> Ints:
     if len(wrong) or (numbers < 0).any():
         k = int(wrong[0]) if len(wrong) else int(np.argmin(numbers))
         raise InputError(
-            f"{name}: {numbers[k]:g} of trajectory {k + 1} is no step; it must be a whole number"
+            f"{name}: {numbers[k]:g} of trajectory {k + 1} is not a step; it must be a whole number"
         )
     return numbers.astype(np.int64)

@@ -179,7 +179,9 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
     save("far", track(900, 900, 900))
     save("near", track(1, 1, 1))
     answer = invoke("compare", "far", "near", "-q", "--format", "latex")
-    assert answer.err.startswith("warning: far/result.json: no truth has an estimate within c = 5")
+    assert answer.err.startswith(
+        "warning: far/result.json: no ground-truth state has an estimate within c = 5"
+    )
     assert f"% {answer.err.splitlines()[0]}" in answer.out
 
 

@@ -57,5 +57,5 @@ def test_no_process_can_be_started(anew: None, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_process_that_ends_as_it_begins(anew: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "SERVE", "raise SystemExit(7)")
-    with pytest.raises(OSError, match="it ended as it began, with status 7"):
+    with pytest.raises(OSError, match="it ended at its start, with status 7"):
         call_in_helper(os.getpid)

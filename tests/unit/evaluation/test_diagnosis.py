@@ -92,7 +92,7 @@ def test_longitude_and_latitude_exchanged() -> None:
     start = rng.uniform([47, 8], [47.2, 8.2], (4, 2))
     states = start + np.arange(30)[:, None, None] * 1e-3
     sides = [Trajectories.from_array(one, ("lat", "lon")) for one in (states, states[..., ::-1])]
-    with pytest.warns(TgospaWarning, match="lat and lon of the estimate seem exchanged"):
+    with pytest.warns(TgospaWarning, match="lat and lon of the estimate seem swapped"):
         result = evaluate(*sides, cutoff=50.0, distance="haversine")
     assert [notice.code for notice in result.warnings] == ["axis-swap"]
 
@@ -121,7 +121,10 @@ def test_near_by_chance(sample: Sides) -> None:
     )
     (notice,) = found(truth, other, 5.0)
     assert notice.code == "nothing-near"
-    assert "only 3.5 % of the truths have an estimate within c = 5 at 60 steps" in notice.text
+    assert (
+        "only 3.5 % of the ground-truth states have an estimate within c = 5 at 60 steps"
+        in notice.text
+    )
     _, poor = simulate(
         scene, Tracker(noise=1.0, detection=0.1, false_rate=1.0), np.random.default_rng(1)
     )
@@ -168,7 +171,7 @@ def test_late_where_most_are_missed(speed: float) -> None:
     assert [notice.code for notice in late] == ["clock-shift"] * (speed > 1)
     for notice in late:
         assert "be 1 ahead (+/- 0.0" in notice.text
-        assert "a constant offset in the direction of travel looks the same" in notice.remedy
+        assert "a constant offset along the direction of travel looks the same" in notice.remedy
 
 
 TRACKERS = {
@@ -278,5 +281,5 @@ def test_epochs_in_other_units(
 def test_few_common_steps_are_told_with_any_grid(sample: Sides) -> None:
     truth, estimate = sample
     moved = replace(estimate, times=estimate.times + 50)
-    with pytest.warns(TgospaWarning, match="and the others are left out"):
+    with pytest.warns(TgospaWarning, match="; the others are left out"):
         evaluate(truth, moved, 10.0, 2, 5.0, grid="common", outage="none")

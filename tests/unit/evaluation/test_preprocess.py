@@ -265,7 +265,7 @@ def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
         ("kitti", ("--class", "Van"), 'is for one class, not for "Van"'),
         ("kitti", ("--class", "Car,Van"), 'is for one class, not for "Car,Van"'),
         ("kitti:ignore", ("--class", "car", "--by", "class"), "not --by class"),
-        ("visdrone", (), "read as kitti; only files of visdrone say what is not judged"),
+        ("visdrone", (), "read as kitti; only files of visdrone say what is not evaluated"),
         ("motchallenge:ignore", (), "read as kitti; only files of motchallenge say"),
         ("kitti:ignore", ("--class", "car", "--existence", "use"),
          "--existence use cannot be combined with"),

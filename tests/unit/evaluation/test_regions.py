@@ -87,9 +87,9 @@ def test_regions_of_the_earth(write: Write) -> None:
     text = "; ".join(f"{lat} {lon}" for lon, lat in ring)
     assert held(write("p.csv", f"polygon\n{text}\n"), ships)[0] == [0, 4]
     wrong = [[25, 95], [26, 95], [26, 96]]
-    with pytest.raises(InputError, match=r"line 2: places are lat lon, in degrees"):
+    with pytest.raises(InputError, match=r"line 2: positions are lat lon in degrees"):
         held(write("w.csv", "lat,lon,radius\n99,25,1\n"), ships)
-    with pytest.raises(InputError, match=r"feature 0: places are lon, lat, in degrees"):
+    with pytest.raises(InputError, match=r"feature 0: positions are lon, lat in degrees"):
         held({"type": "Polygon", "coordinates": [wrong]}, ships)
 
 
@@ -195,7 +195,7 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
     assert same["tgospa"] == plain["tgospa"]
     refused = invoke(*given, "--region", regions)
     assert refused.status == 3
-    assert "r.csv: there is no region" in refused.err
+    assert "r.csv: it has no region" in refused.err
 
 
 @pytest.mark.parametrize(
@@ -209,22 +209,22 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
         ("polygon\n0 0; 1e200 0; 0 1\n", "line 2: a number beyond 1e+150, or none"),
         ("left,top,width,height\n0,0,4,\n", "line 2: has left, top, width; a region has left,"),
         ("left,top,width,height\n0,0,4\n", "line 2: 3 fields, the header has 4"),
-        ("left,top,wide,height\n0,0,4,5\n", 'line 1: column "wide" is none of regions'),
-        ("t,t\n0,0\n", "line 1: columns are missing or double"),
-        ("left\n", "line 1: columns are missing or double"),
-        ("t,x,y\n", "line 1: columns are missing or double"),
+        ("left,top,wide,height\n0,0,4,5\n", 'line 1: column "wide" is not a column of regions'),
+        ("t,t\n0,0\n", "line 1: columns are missing or duplicate"),
+        ("left\n", "line 1: columns are missing or duplicate"),
+        ("t,x,y\n", "line 1: columns are missing or duplicate"),
         ("polygon\n0 0; 1 1; 1 0; 0 1\n", "line 2: a polygon whose edges cross or overlap"),
         ("polygon\n0 0; 4 4; 8 8\n", "line 2: a polygon without area"),
         ("polygon\n0 0; 4 4\n", "line 2: a polygon without area"),
         ("polygon\n0 0; 4; 8 8\n", 'line 2, column "polygon": "0 0; 4; 8 8"; write'),
         ("polygon\n0 0; 4 a; 8 8\n", 'line 2, column "polygon": not a number: "a"'),
         ("t,x,y,radius\nnoon,0,0,1\n", 'line 2, column "t": not a time: "noon"'),
-        ("lat,lon,radius\n1,2,3\n", "line 2: lat,lon,radius is no region of states x,y"),
-        ('{"type": "Point", "coordinates": [0, 1]}', 'feature 0: "Point" is no Polygon'),
+        ("lat,lon,radius\n1,2,3\n", "line 2: lat,lon,radius is not a region for state columns x,y"),
+        ('{"type": "Point", "coordinates": [0, 1]}', 'feature 0: "Point" is neither a Polygon'),
         ('{"type": "Polygon", "coordinates": [[0, 1]]}', "feature 0: the coordinates of a Polygon"),
         ('{"type": "Polygon", "coordinates": [[["0", 1]]]}', "feature 0: the coordinates of a"),
         ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: no JSON"),
-        ('{"a": ' + "[" * 100000, "no GeoJSON: lists in lists without end"),
+        ('{"a": ' + "[" * 100000, "not GeoJSON: nested too deeply"),
         ('{"type": "Feature", "properties": {"t": "x"}, "geometry": {"type": "Polygon", '
          '"coordinates": [[[0, 0], [1, 0], [0, 1]]]}}', 'feature 0, property "t": not a time'),
     ],
@@ -249,7 +249,7 @@ def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatc
     )
     line = write("x.csv", "id,t,x\n1,0,0\n")
     answer = invoke(line, line, "-c", "1", "-g", "1", "--ignore-regions", circle, "-q")
-    assert "regions are of states x,y, lat,lon or left,top,width,height" in answer.err
+    assert "regions need state columns x,y, lat,lon or left,top,width,height" in answer.err
     point = write("p.csv", "id,t,x,y\n1,0,0,0\n")
     asked = (point, point, "-c", "1", "-g", "1", "-q", "--ignore-regions")
     answer = invoke(*asked, circle, "--existence", "use")

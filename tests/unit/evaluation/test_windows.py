@@ -128,7 +128,7 @@ def test_the_last_window_ends_with_the_last_step() -> None:
         (True, None, "window is True"),
         (3, 0, "every is 0: must be a whole number"),
         (3, 4, "every is 4 steps: must be at most the 3 steps of a window"),
-        (None, 4, "every is given without window"),
+        (None, 4, "every needs window"),
         (
             "2.5",
             None,
@@ -245,7 +245,7 @@ def test_only_the_certified_solver_has_windows(invoke: Invoke, quickstart: tuple
     for options, message in (
         (("--window", "5", "--solver", "sinkhorn"), "windows need the solver certified"),
         (("--window", "5", "--sweep", "cutoff=1,2"), "--sweep and --window: leave one"),
-        (("--every", "5"), "every is given without window"),
+        (("--every", "5"), "every needs window"),
     ):
         answer = invoke(*quickstart, *options)
         assert (answer.status, answer.out) == (2, "")

@@ -111,8 +111,8 @@ def zipped(name: str, content: bytes) -> bytes:
         ("a.npy", npy(np.zeros((2, 2))), r"shape \(2, 2\); states have the axes \(T, k, d\)"),
         ("a.npy", npy(SQUARE)[:-1], "63 bytes where 64 should be"),
         ("a.npy", HUGE, "64 bytes where 3,168 should be"),
-        ("a.npy", npy(SQUARE)[:40], "no readable npy file"),
-        ("a.npy", b"\x93NUMPY\x09\x00" + bytes(99), "no readable npy file"),
+        ("a.npy", npy(SQUARE)[:40], "not a readable npy file"),
+        ("a.npy", b"\x93NUMPY\x09\x00" + bytes(99), "not a readable npy file"),
         ("a.npy", npy(np.full((1, 1, 1), None)), "Python objects"),
         (
             "a.npy",
@@ -121,21 +121,29 @@ def zipped(name: str, content: bytes) -> bytes:
         ),
         ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: no coordinates"),
         ("a.npy", npy(SQUARE + np.inf), 'trajectory 0, step 0, column "x": infinite'),
-        ("a.npy", header(10**18, 0, 2), "no readable npy file: array is too big"),
-        ("a.npy", header(10**9, 0, 2 * 10**9, kind="|b1"), "0 x 2000000000: no memory holds such"),
-        ("a.npy", header(3, kind="|V0"), "no readable npy file: itemsize cannot be zero"),
-        ("a.npy", header(0, 2, 10**11), "states 0 x 2 x 100000000000: reading it takes some"),
-        ("a.npz", zipped("x.npy", header(0, 10**11)), "x 0 x 100000000000: reading it takes some"),
-        ("a.npz", zipped("x.npy", b"no array"), 'no readable npz file: "x" in it is no array'),
-        ("a.npz", zipped("xl/sheet1.xml", b"<x/>"), '"xl/sheet1.xml" in it is no array; .* as CSV'),
+        ("a.npy", header(10**18, 0, 2), "not a readable npy file: array is too big"),
+        ("a.npy", header(10**9, 0, 2 * 10**9, kind="|b1"), "0 x 2000000000: too large for memory"),
+        ("a.npy", header(3, kind="|V0"), "not a readable npy file: itemsize cannot be zero"),
+        ("a.npy", header(0, 2, 10**11), "states 0 x 2 x 100000000000: reading it needs about"),
+        ("a.npz", zipped("x.npy", header(0, 10**11)), "x 0 x 100000000000: reading it needs about"),
+        (
+            "a.npz",
+            zipped("x.npy", b"no array"),
+            'not a readable npz file: "x" in it is not an array',
+        ),
+        (
+            "a.npz",
+            zipped("xl/sheet1.xml", b"<x/>"),
+            '"xl/sheet1.xml" in it is not an array; .* as CSV',
+        ),
         ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
         (
             "a.npz",
             npz(a=SQUARE, weight=[1]),
-            "weight 1, a 2 x 2 x 2: do not fit; weight is T x n x N",
+            "weight 1, a 2 x 2 x 2: sizes do not match; weight is T x n x N",
         ),
-        ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, T = 1: do not fit; a is T x n x d"),
-        ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is there twice"),
+        ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, T = 1: sizes do not match; a is T x n x d"),
+        ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is a duplicate"),
         ("a.npz", npz(a=SQUARE, columns=["x", "t"]), "a column of the states is named t"),
         ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 was given before'),
         ("a.npz", npz(a=SQUARE, t=[0, np.nan]), "not a finite time|blank time"),
@@ -155,6 +163,6 @@ def test_what_is_empty_takes_no_room(write: Write, shape: tuple[int, ...]) -> No
 
 def test_room(write: Write) -> None:
     path = write("a.npy", npy(np.zeros((100, 100, 2))))
-    with pytest.raises(InputError, match="states 100 x 100 x 2: reading it takes some"):
+    with pytest.raises(InputError, match="states 100 x 100 x 2: reading it needs about"):
         read(path, ReadOptions(max_input=0.001))
     assert Path(path).stat().st_size < 1_000_000

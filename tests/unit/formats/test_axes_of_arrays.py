@@ -106,10 +106,13 @@ def changed(spread: Any) -> dict[str, Any]:
     [
         (SQUARE, "P may be d x d x T x n or d x d x n x T; name it P_ddTn or P_ddnT"),
         ({"x": STATES.T, "P": SPREADS.T}, "name it x_dTn or x_dnT, or save t and id with it"),
-        ({"x": STATES, "t": np.arange(9)}, "x 5 x 3 x 2, T = 9: do not fit; x is d x T x n or"),
+        (
+            {"x": STATES, "t": np.arange(9)},
+            "x 5 x 3 x 2, T = 9: sizes do not match; x is d x T x n or",
+        ),
         (
             {"x": STATES[:, 0], "t": BESIDE["t"]},
-            "x 5 x 2, T = 5: do not fit",
+            "x 5 x 2, T = 5: sizes do not match",
         ),  # one track, or d = 1
         ({"x": STATES, "states": STATES, **BESIDE}, "x and states are the same; leave one out"),
         ({"x": STATES, "t": np.ones((2, 2))}, "t 2 x 2; it must be a vector"),
@@ -124,7 +127,7 @@ def changed(spread: Any) -> dict[str, Any]:
             {"particles": CLOUDS, "weights": 0 * WEIGHTS, **BESIDE},
             'weights of id "4", t 10 are zero',
         ),
-        ({"particles": CLOUDS, "weights": WEIGHTS[..., 1:], **BESIDE}, "do not fit"),
+        ({"particles": CLOUDS, "weights": WEIGHTS[..., 1:], **BESIDE}, "sizes do not match"),
     ],
 )
 def test_what_is_refused(tmp_path: Path, fields: dict[str, Any], message: str) -> None:

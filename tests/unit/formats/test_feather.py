@@ -64,13 +64,13 @@ def test_no_feather(
     for data, message in (
         (b"", "empty"),
         (b"FEA1" + bytes(60), "version 1"),
-        (b"ARROW1\0\0" + b"\xff" * 60, "no readable Feather file"),
-        (b"id,t,x\n1,0,0\n", "no readable Feather file"),
+        (b"ARROW1\0\0" + b"\xff" * 60, "not a readable Feather file"),
+        (b"id,t,x\n1,0,0\n", "not a readable Feather file"),
     ):
         with pytest.raises(InputError, match=message):
             read(write("a.feather", data))
     table = pa.table({"id": ["a"], "t": [0], "wxyz": [1.0]})
     feather.write_feather(table, "name.feather")
     damaged = Path("name.feather").read_bytes().replace(b"wxyz", b"w\xffyz")
-    with pytest.raises(InputError, match="no readable Feather file: a text that is not UTF-8"):
+    with pytest.raises(InputError, match="not a readable Feather file: a text that is not UTF-8"):
         read(write("a.feather", damaged))

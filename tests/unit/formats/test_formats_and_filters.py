@@ -275,7 +275,7 @@ def test_invalid_rows_in_every_verb(write: Write, invoke: Run, tmp_path: Path) -
             [", line 1: 6 numbers", "columns in their order", "truth_format"],
         ),
         (b"\x00\x01", "motchallenge", ["binary"]),
-        (b"PAR1 and no more", None, ["no readable Parquet file"]),
+        (b"PAR1 and no more", None, ["not a readable Parquet file"]),
         (b"", "parquet", ["empty"]),
     ],
 )
@@ -468,7 +468,7 @@ def test_times_beyond_nanoseconds_and_damaged_texts(tmp_path: Path, write: Write
         read(write("a.csv", "id,t,x\na,5138-11-16T09:46:40,1\n"))
     raw = pa.array([b"\x8b", b"b"])
     wrong = pa.StringArray.from_buffers(2, *raw.buffers()[1:])
-    with pytest.raises(InputError, match="no readable Parquet file: ") as caught:
+    with pytest.raises(InputError, match="not a readable Parquet file: ") as caught:
         read(parquet(path, id=wrong))
     assert "codec" not in str(caught.value)
 
@@ -640,10 +640,10 @@ def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:
     done = invoke(*wrong)
     assert done.status == 3
     first, second = done.err.splitlines()
-    assert first.endswith("map it with --truth-columns id=trk,t=clock,x=px,y=py")
+    assert first.endswith("map them with --truth-columns id=trk,t=clock,x=px,y=py")
     assert second.startswith(f'{wrong[1]}, line 2, column "y"')
     assert invoke("inspect", wrong[0]).err.endswith(
-        "map it with --columns id=trk,t=clock,x=px,y=py\n"
+        "map them with --columns id=trk,t=clock,x=px,y=py\n"
     )
 
 
@@ -686,7 +686,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
         document = json.loads(answer.out)
         assert (document["sizes"]["truth"], document["sizes"]["estimates"]) == (1, 1)
         assert document["total"] == 0
-        assert f'{estimate}: class "CAR" is taken for "{asked}"' in answer.err
+        assert f'{estimate}: class "CAR" is read as "{asked}"' in answer.err
         assert (f'{truth}: class "Car" is taken for' in answer.err) == (asked != "Car")
     # Two classes that differ in this alone are two.
     both = write("b.csv", "id,t,x,class\na,1,0,Car\nb,1,50,car\nc,1,99,bus\n")
@@ -695,7 +695,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
     assert 'class "car" as it is written; "Car" is another' in reading.notices
     reading = read(both, ReadOptions(classes=("car", "Car", "BUS")))
     assert list(reading.trajectories.ids) == ["a", "b", "c"]
-    assert 'class "bus" is taken for "BUS"' in reading.notices
+    assert 'class "bus" is read as "BUS"' in reading.notices
     assert not any("another" in notice for notice in reading.notices)
     answer = invoke(both, both, "--class", "CAR")
     assert answer.status == 2

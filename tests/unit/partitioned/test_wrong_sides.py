@@ -117,8 +117,8 @@ def test_damaged_and_empty_files(tmp_path: Path, rows_together: int) -> None:
     whole = file.read_bytes()
     wrong = {
         b"": "the file is empty; a part without objects has a schema and no rows",
-        whole[:-200]: "no readable Parquet file",
-        whole[:4] + bytes(100) + whole[104:]: "no readable Parquet file",
+        whole[:-200]: "not a readable Parquet file",
+        whole[:4] + bytes(100) + whole[104:]: "not a readable Parquet file",
     }
     for content, message in wrong.items():
         file.write_bytes(content)

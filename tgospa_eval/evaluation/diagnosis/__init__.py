@@ -88,13 +88,13 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         side, (between, own, unused) = axis.made
         gap = matching.gaps[0]
         other = "truth" if side == "estimate" else "estimate"
-        where = f"the stamps of the {other}"
+        where = f"the timestamps of the {other}"
         if matching.resample is not None:
             where = f"{counted(len(axis.horizon.times), 'step')} of the common clock"
-        rest = f", {unused:,} at other stamps are not compared"
+        rest = f", {unused:,} at other timestamps are not compared"
         yield Notice(
-            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two "
-            f"that are at most {gap.text} apart, {own:,} as they were"
+            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two at "
+            f"most {gap.text} apart, {own:,} unchanged"
             f"{rest if unused else ''}"
         )
     if axis.reports is not None:
@@ -109,14 +109,14 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
             text=f"each report of the estimate holds for its period, {number(clock.period)} "
-            f"({which}), and is judged at its own time: {counted(used, 'report')}{single} at "
+            f"({which}), and is evaluated at its own time: {counted(used, 'report')}{single} at "
             f"{steps} of the common clock{off}"
         )
     if matching.steps is not None:
         first, second = axis.left_out
         yield Notice(
-            text=f"{counted(len(axis.horizon.times), 'step')} declared; at other times "
-            f"{counted(first, 'row')} of the truth and {second:,} of the estimate are left out"
+            text=f"{counted(len(axis.horizon.times), 'step')} declared; {counted(first, 'row')} "
+            f"of the truth and {second:,} of the estimate are at other times and left out"
         )
 
 
@@ -140,7 +140,7 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
                     code="steps-moved",
                     text=f"{name}: rows at {gone} are left out, and no row is at {free}; arrays "
                     "in Python and NumPy files count steps from 0, MAT files from 1",
-                    remedy=f"{option('steps', f'{first}:{last}')} has all rows",
+                    remedy=f"{option('steps', f'{first}:{last}')} includes all rows",
                 )
             ]
     return []
@@ -162,9 +162,9 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
         return [
             Notice(
                 code="silences-not-charged",
-                text=f"{text}: silences are not charged, {states} in them are not judged",
-                remedy=f"leave {option('outage', 'none')} out where the tracker reports at all "
-                "times",
+                text=f"{text}: silences do not count, and {states} in them are not evaluated",
+                remedy=f"leave {option('outage', 'none')} out if the tracker should report at "
+                "all times",
             )
         ]
     cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
@@ -194,15 +194,15 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     if not states:
         return [Notice(text=text)]
     if request.ignoring is not None and request.ignoring.gaps:
-        near = f"{counted(states, 'estimate state')} within c of the straight line across"
+        near = f"{counted(states, 'estimate state')} near the straight line across"
         return [Notice(text=f"{text}: {option('ignore', 'truth-gaps')}, {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
             code="truth-gaps",
-            text=f"{text}: {counted(states, 'estimate state')} within c of the straight line "
-            f"across are false because the truth is silent, cost up to {number(cost)}",
-            remedy=f"{option('ignore', 'truth-gaps')} does not judge them; a longer "
+            text=f"{text}: {counted(states, 'estimate state')} near the straight line across "
+            f"count as false, cost up to {number(cost)}",
+            remedy=f"{option('ignore', 'truth-gaps')} leaves them out; use a longer "
             f"{option('max_gap')} if the truth moves straight in them",
         )
     ]
@@ -211,18 +211,20 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     """Describe the alignment of two sides: common steps, stamps that were joined, rows left out."""
     rest = aligned.union - aligned.common
-    at = "what exists at the other is missed or false"
+    at = "objects at the other step count as missed or false"
     if rest > 1:
-        at = f"what exists at the other {rest:,} is missed or false"
+        at = f"objects at the other {rest:,} steps count as missed or false"
     costly = matching.grid == "union" and rest and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
-        pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
+        pairs = counted(aligned.joined, "pair of timestamps was", "pairs of timestamps were")
         how = (
-            f"the farthest {number(aligned.farthest)} apart ({option('time_tolerance')}), with "
-            "their states"
+            f"at most {number(aligned.farthest)} apart ({option('time_tolerance')}), with their "
+            "states"
         )
-        notices.append(f"{pairs} joined, {how if matching.near else 'apart by rounding alone'}")
+        notices.append(
+            f"{pairs} joined, {how if matching.near else 'which differ by rounding only'}"
+        )
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(
@@ -268,7 +270,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
         return None
     reason = (
         f"{MULTIPLE} times the median distance, {middle:.3g}, rounded up; "
-        f"{100 * followed:.0f} % of the truths have an estimate nearer than that"
+        f"{100 * followed:.0f} % of the ground-truth states have a nearer estimate"
     )
     crowded = float(np.count_nonzero(next_truths < cutoff) / len(near))
     if crowded >= 0.005:
@@ -385,8 +387,8 @@ def unit_notices(unit: str | None) -> Iterator[Notice]:
     if (unit or "").casefold() in METRES:
         yield Notice(
             code="unit-label",
-            text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
-            "in pixels, and so are c and gamma",
-            remedy=f"say {option('unit', 'px')}; of KITTI {option('columns', 'x,y,z')} compares "
-            "places in metres",
+            text=f"the unit is called {unit}, but box centres of MOTChallenge and KITTI, c and "
+            "gamma are in pixels",
+            remedy=f"use {option('unit', 'px')}; for KITTI, {option('columns', 'x,y,z')} "
+            "compares positions in metres",
         )

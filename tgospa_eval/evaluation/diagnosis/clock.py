@@ -674,8 +674,8 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
             scale = float(f"1e{power}")
             return Notice(
                 code="clock-shift",
-                text="the stamps of both files have no time in common, and those of the estimate "
-                f"are of the same stretch of time if they are multiplied by {plain(scale)}",
+                text=f"the files have no time in common; multiplied by {plain(scale)}, the "
+                "timestamps of the estimate cover the same time as the truth",
                 remedy=option("time_scale", plain(scale)),
             )
     return None
@@ -683,7 +683,7 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
-    steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
+    steps, meaning = len(aligned.truth.times), "objects at the others count as missed or false"
     if matching.grid == "common":  # stamps of the lower rate may all be stamps of the higher one
         steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
     if outages is not None and outages.counted:  # outages have a warning of their own
@@ -693,7 +693,7 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     share = f"{100 * aligned.common / steps:.0f} %"
     return Notice(
         code="steps-unmatched",
-        text=f"only {share} of the steps are in both files, and {meaning}",
+        text=f"only {share} of the steps are in both files; {meaning}",
         remedy=f"if the clocks differ, see {option('time_tolerance')}, {option('time_offset')} and "
         f"{option('resample')}",
     )
@@ -719,12 +719,13 @@ def _near_misses(
     if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
     named = _rounded_up(wide / unit)
-    pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
+    pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{pairs} nearly the same, of {counted(unshared, 'stamp')} that one file only has, at "
-        f"most {named} apart where the median step is {_step_text(min(steps), clock, *times)}",
+        text=f"{pairs} nearly the same, at most {named} apart with a median step of "
+        f"{_step_text(min(steps), clock, *times)}; "
+        f"{counted(unshared, 'timestamp is', 'timestamps are')} in one file only",
         remedy=f"{option('time_tolerance', float(named))} makes each pair one step",
     )
 
@@ -919,12 +920,13 @@ def _clock_warning(clock: ClockError, kind: str) -> Notice:
         cures.append(option("time_offset", plain(clock.time_offset)))
     return Notice(
         code="clock-shift",
-        text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: without that the "
-        f"per-step GOSPA cost of {counted(clock.steps, 'step')}, but for what is missed or false "
-        f"either way, falls by {min(100 * clock.saving, 99):.0f} %",
-        remedy=f"write the stamps of both files by one clock, or use {' '.join(cures)}; a latency "
-        "of the tracker is rightly an error, and a constant offset in the direction of travel "
-        "looks the same",
+        text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: corrected, the "
+        f"per-step GOSPA cost of {counted(clock.steps, 'step')} falls by "
+        f"{min(100 * clock.saving, 99):.0f} %, not counting what is missed or false either "
+        "way",
+        remedy=f"write both files by one clock, or use {' '.join(cures)}; but a tracker's "
+        "latency is an error that should count, and a constant offset along the "
+        "direction of travel looks the same",
     )
 
 

@@ -40,16 +40,17 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
             warnings.append(
                 Notice(
                     code="empty-side",
-                    text=f"no row of the {name} takes part: {meaning}",
-                    remedy=f"see that this is the right file, and what filters leave of the {name}",
+                    text=f"no row of the {name} is evaluated: {meaning}",
+                    remedy="check that this is the right file, and what filters leave of the "
+                    f"{name}",
                 )
             )
         elif len(side.step) == len(side.ids) > 2 and np.count_nonzero(np.diff(side.step)) > 1:
             warnings.append(
                 Notice(
                     code="single-rows",
-                    text=f"every id of the {name} has one row: these are detections, no tracks, "
-                    "and each costs half a switch or more at each end",
+                    text=f"every id of the {name} has a single row: these are detections, not "
+                    "tracks, and each costs half a switch or more at each end",
                     remedy="an id must be the same at all steps of a track",
                 )
             )
@@ -68,9 +69,9 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
             return [
                 Notice(
                     code="id-types",
-                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are one number in "
-                    "two spellings, and two trajectories",
-                    remedy="write ids alike",
+                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are the same "
+                    "number in two spellings, so they count as two tracks",
+                    remedy="write the id in one way",
                 )
             ]
     return []
@@ -113,13 +114,13 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
     within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
     if not len(here.gain):
-        text = f"no truth has an estimate {within} at {steps}"
+        text = f"no ground-truth state has an estimate {within} at {steps}"
     elif few_are_near(here) and _is_chance(sample):
         rows = len(here.objects[0])
         near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))
         text = (
-            f"only {100 * near / rows:.2g} % of the truths have an estimate {within} at {steps}, "
-            "hardly more or nearer than by chance"
+            f"only {100 * near / rows:.2g} % of the ground-truth states have an estimate {within} "
+            f"at {steps}, hardly more than by chance"
         )
     else:
         return []
@@ -127,8 +128,8 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
         Notice(
             code="nothing-near",
             text=text,
-            remedy="see whether both files are of one recording, with the same units, axes and "
-            "origin, or choose a larger cutoff if errors may be that large",
+            remedy="check that both files have the same recording, units, axes and origin; "
+            "choose a larger cutoff if errors may be that large",
         )
     ]
 
@@ -382,12 +383,12 @@ def _turned(
     mapping = ",".join(f"{name}=HEADER" for name, _ in moved)
     names = " and ".join(name for name, _ in moved)
     if moved:
-        text = f"{names} of the estimate seem exchanged"
+        text = f"{names} of the estimate seem swapped"
         text += f", with {' and '.join(negated)} negated" if negated else ""
     else:
         text = f"{' and '.join(negated)} of the estimate {'seem' if len(negated) > 1 else 'seems'}"
         text += " negated"
-    named = f", or name the headers in the other order with {option('estimate_columns', mapping)}"
+    named = f", or swap the headers with {option('estimate_columns', mapping)}"
 
     return _Change(
         code="axis-swap" if moved else "axis-sign",
