@@ -380,7 +380,7 @@ def test_a_click_on_the_dearest_of_several_steps_selects_that(shown: Callable) -
     estimate = truth.copy()
     estimate[1501] = np.nan
     tab = shown(evaluate(truth, estimate, cutoff=1.0), width=700)
-    assert "dearest of" in tab.run("document.getElementById('costs-note').innerText")
+    assert "costliest of" in tab.run("document.getElementById('costs-note').innerText")
     box = tab.box("#costs")
     each = (box["width"] - 84) / 3000
     for step in (1500, 1502):  # within a pixel

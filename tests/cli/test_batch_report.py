@@ -43,7 +43,7 @@ def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -
     assert "b/2 out/b/2.csv, line 1: no column for position" in text
     assert "switch a 3 1 m" in text  # jobs, per step
     assert "b 2 of 3 2 m" in text
-    assert "No curves are drawn: they need" in text  # without pictures
+    assert "No curves: they need" in text  # without pictures
     assert "2 to 3 runs at each time." in text
     html = Path("r/report.html").read_text(encoding="utf-8")
     assert "<script" not in html

@@ -276,7 +276,7 @@ def test_bands_are_chosen(invoke: Invoke, runs: Path) -> None:
         "interval": "95 % intervals",
         "bootstrap": "95 % bootstrap",
         "percentiles": "the 2.5th",
-        "deviation": "one standard",
+        "deviation": "plus and minus one standard",
     }
     for name, words in bands.items():
         # Nothing is done again, and the page is written anew.

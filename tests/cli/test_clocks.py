@@ -87,7 +87,7 @@ def test_dates_that_may_be_either_are_never_guessed() -> None:
     [
         (["2025-10-26T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "occurs twice or never in"),
         (["2025-03-30T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "occurs twice or never in"),
-        (UTC, {"zone": "Mars"}, "there is no such zone"),
+        (UTC, {"zone": "Mars"}, "unknown time zone"),
         (UTC, {"format": "fortnights"}, "must be a format such as"),
         (UTC, {"format": "%d/%m/%Y"}, "does not fit"),
         (["1", "x"], {"format": "s"}, '"x" does not fit'),
@@ -205,7 +205,7 @@ def test_what_is_no_time_of_day(invoke: Invoke, tmp_path: Path) -> None:
     answer = invoke(str(path), str(path), "--day-begins", "43200")
     assert answer.status == 3
     assert (
-        "--day-begins 43200: is for times of day, below 86,400, and there are others" in answer.err
+        "--day-begins 43200: is for times of day, below 86,400, but some are larger" in answer.err
     )
 
 

@@ -288,7 +288,7 @@ def test_a_file_that_was_found_sets_what_is_evaluated_alone(
         status, out, err = invoke(verb, "t.csv", "e.csv")
         assert (status, out) == (2, "")
         assert err == (
-            f'{name}: a file that nobody named may not set "{key}"; if it is yours, name it: '
+            f'{name}: only a file named on purpose may set "{key}"; if it is yours, use '
             f"--config {name}\n"
         )
     assert set(tmp_path.iterdir()) == before
@@ -301,7 +301,7 @@ def test_a_file_that_was_found_connects_to_nothing(
     settings("tgospa-eval.toml", text)
     answer = invoke(*scene)
     assert answer.status == 2
-    assert "nobody named" in answer.err
+    assert "only a file named on purpose" in answer.err
 
 
 def test_a_file_names_what_it_set_and_no_more(

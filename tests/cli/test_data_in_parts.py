@@ -547,7 +547,7 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     assert ("resuming with" in answer.err) == (change == "in place, unseen")
     assert "starting again" in answer.err
     if change == "in place, unseen":
-        name = f"estimate/1.{ending}: has another content than before: all is begun anew"
+        name = f"estimate/1.{ending}: has changed since; starting again"
         assert name in answer.err.replace("\\", "/")
 
 
@@ -638,7 +638,9 @@ def test_a_limit_below_what_is_needed_is_refused_with_what_works(
     for asked in (METRIC, (*METRIC, "-o", str(tmp_path / "out"), "--jobs", "2")):
         answer = invoke(*folders, *asked, "--memory", "100MB", "-q")
         assert (answer.status, answer.out) == (2, "")
-        proposed = re.fullmatch(r"data in parts need at least .*: allow (--memory \d+MB)\n", answer.err)
+        proposed = re.fullmatch(
+            r"data in parts need at least .*: allow (--memory \d+MB)\n", answer.err
+        )
         assert proposed
         assert not (tmp_path / "out" / "work").exists()
         assert invoke(*folders, *asked, *proposed[1].split(), "-q").status == 0

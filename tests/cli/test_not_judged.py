@@ -76,10 +76,10 @@ def test_what_is_ignored_costs_nothing(files, invoke, specs, filters, total, cou
 def test_every_report_says_what_is_not_judged(files, invoke) -> None:
     for style in ("table", "markdown", "latex"):
         text = invoke(*files, *METRIC, "--ignore", "class=Van", "--format", style).out
-        assert "3 truth states" in text, style
+        assert "3 ground-truth states" in text, style
     result = evaluate(*files, cutoff=4, switch_penalty=1, ignore="class=Van")
-    assert "3 truth states" in result.to_html()
-    assert "3 truth states" in result._repr_html_()
+    assert "3 ground-truth states" in result.to_html()
+    assert "3 ground-truth states" in result._repr_html_()
     Path("other.csv").write_text(ESTIMATE, encoding="utf-8")
     text = invoke("compare", *files, "other.csv", *METRIC, "--ignore", "class=Van").out
     assert "not judged: class=Van" in text

@@ -108,7 +108,7 @@ def test_workers_with_another_version(
     monkeypatch.setattr(engines, "__version__", "9.9")
     answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", running.address)
     assert (answer.status, answer.out) == (2, "")
-    assert "this is 9.9: install the same" in answer.err
+    assert "this process has 9.9: install the same" in answer.err
 
 
 def test_workers_that_do_not_see_the_files(

@@ -119,7 +119,7 @@ def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
     for name, status in (("alive", 0), ("dead", 1)):
         assert invoke(*(part.format(name) for part in gate)).status == status
     answer = invoke(*(part.format("dead") for part in gate), "--outage", "none")
-    assert (answer.status, "limits of a gate" in answer.err) == (2, True)
+    assert (answer.status, "its outages are not counted here" in answer.err) == (2, True)
 
 
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
@@ -137,7 +137,7 @@ def test_a_silence_is_no_fault_of_the_clock_and_an_hour_is_one(files: Path, invo
     clock = ("--interpolate", "truth", "--max-gap", "4", *GIVEN)
     answer = invoke("truth.csv", "dead.csv", *clock)
     assert "no state within c of a truth for 12 in 1 silence" in answer.err
-    assert "are in both files; objects" not in answer.err
+    assert "of the steps are in both files" not in answer.err
     ahead = tracker()
     ahead["t"] += 9.25
     ahead.to_csv("ahead.csv", index=False)
@@ -549,12 +549,12 @@ def test_steps_of_kitti_are_the_frames_of_the_seqmap(invoke: Invoke) -> None:
         written(f"out/x/data/{name}.txt", f"9 1{LABEL}10 1{LABEL}")
     told = "gt: no frames in evaluate_tracking.seqmap.training for"
     answer = invoke(*KITTI)
-    assert f"{told} 0000, 0001: per step" in answer.err
+    assert f"{told} 0000, 0001: values per step" in answer.err
     assert jobs(answer)["judged.steps"].tolist() == [2, 2]
     written("gt/evaluate_tracking.seqmap.training", "0000 empty 000000 000010\n")
     written("gt/evaluate_tracking.seqmap.test", "0000 empty 000000 000099\n0001 empty 0 99\n")
     answer = invoke(*KITTI)
-    assert f"{told} 0001: per step" in answer.err
+    assert f"{told} 0001: values per step" in answer.err
     assert "x/0000: 0 rows of the truth and 1 of the estimate" in answer.err
     rows = jobs(answer)
     assert rows["judged.steps"].tolist() == [10, 2]

@@ -84,7 +84,7 @@ def test_a_command_line_knows_both(run: Run, mine: Path) -> None:
     assert document["parameters"]["distance"] == "snowflake"
     assert "read as trk" in done.err
     assert (
-        "no place for --distance snowflake"
+        "--proof is not supported with --distance snowflake"
         in run(*PAIR, *BY_NAME[:-2], "-o", "out", "--proof", env=beside(mine)).err
     )
 
@@ -259,14 +259,14 @@ def test_a_name_of_two_is_refused_where_it_is_used(
     install("first", both)
     done = invoke(*quickstart, "-c", "10", "-g", "5", "-q", "--distance", "euclidean")
     assert done.status == 2
-    assert '"euclidean" is of tgospa-eval and of the package first' in done.err
+    assert '"euclidean" is provided by tgospa-eval and by the package first' in done.err
     done = invoke(*quickstart, "-c", "10", "-g", "5", "-q", "--truth-format", "csv")
     assert done.status == 2
-    assert '"csv" is of tgospa-eval and of the package first' in done.err
+    assert '"csv" is provided by tgospa-eval and by the package first' in done.err
     assert invoke(*quickstart, "-c", "10", "-g", "5", "-q").status == 0  # ours, without a doubt
     install("second", {DISTANCE_GROUP: {"thing": "x:X"}})
     install("third-one", {DISTANCE_GROUP: {"thing": "y:Y"}})
-    with pytest.raises(ConfigError, match=r"of the package third-one .*and of the package second"):
+    with pytest.raises(ConfigError, match=r"the package third-one .*and by the package second"):
         DISTANCES.chosen("thing")
 
 

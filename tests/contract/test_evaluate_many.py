@@ -159,7 +159,7 @@ def test_each_warning_is_said_once_of_its_runs() -> None:
     pairs = {"a": (nothing, walk), "b": (walk, nothing), "c": (nothing, nothing)}
     many, _ = warned(evaluate_many, pairs, cutoff=5.0, switch_penalty=1.0)
     texts = [notice.text for notice in many.warnings]
-    assert [text.partition(" takes")[0] for text in texts] == [
+    assert [text.partition(" is evaluated")[0] for text in texts] == [
         "run a, c: no row of the truth",
         "run b, c: no row of the estimate",
     ]

@@ -75,9 +75,9 @@ def test_similarity_of_the_calibration() -> None:
     assert found.score == pytest.approx(0.1, abs=1e-12)
     ten = evaluate(np.zeros((1, 1, 1)), np.full((1, 1, 1), 50.0), 10, 2, 1)  # d = 10
     assert ten.similarity(50).score == pytest.approx(0.71378, abs=1e-5)
-    with pytest.raises(ConfigError, match="say how many false targets"):
+    with pytest.raises(ConfigError, match="give the number of false targets"):
         ten.similarity()
-    with pytest.raises(ConfigError, match="the steps are weighted"):
+    with pytest.raises(ConfigError, match="needs steps that all count the same"):
         evaluate(many, many, 10, 2, 1, step_weights=[1.0]).similarity(50)
     for wrong in ((0,), (np.inf,), (5, 1.0)):
         with pytest.raises(ConfigError, match="must be > 0"):

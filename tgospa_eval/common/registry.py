@@ -73,7 +73,7 @@ class Registry(Mapping[str, T], Generic[T]):
         owners = ["tgospa-eval"] * (name in self.own) + list(map(str, points))
         if len(owners) > 1:
             raise ConfigError(
-                f"the {self.kind} {quoted(name)} is provided by {' and of '.join(owners)}: rename "
+                f"the {self.kind} {quoted(name)} is provided by {' and by '.join(owners)}: rename "
                 "the entry point, or uninstall a package"
             )
         if not points:

@@ -381,7 +381,7 @@ class Conversion:
         unknown = [name for name in own if name not in columns]
         if unknown:
             raise ConfigError(
-                f"{option(self.scale_option)}: {quoted(unknown[0])} is none of the state columns "
+                f"{option(self.scale_option)}: {quoted(unknown[0])} is not a state column; state columns: "
                 f"{','.join(columns)}; choose them with {option('columns')}"
             )
         if self.unit_scale == 1:

@@ -231,7 +231,7 @@ CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
     (lambda d: d.update(lower_bound=2.0), "lower_bound is 2, but upper_bound is 1.00000"),
     (lambda d: d.update(total=2.5), "total is 2.5, but tgospa to the power of the order is 1"),
     (lambda d: d["per_step"][1].update(total=5.0), "the numbers of per_step.total sum to 5"),
-    (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
+    (lambda d: d.update(upper_bound=float("nan")), "NaN is not a JSON number"),
     (lambda d: d.update(missed=True), "missed is true; expected a finite number >= 0"),
     (lambda d: d["normalised"].update(tgospa=9.0), "normalised.tgospa is 9, but total and"),
     (lambda d: d["normalised"].update(tgospa=0), "normalised.tgospa is 0, but total and"),

@@ -443,7 +443,7 @@ def test_defaults_of_boxes(invoke: Invoke, pair: tuple[str, str]) -> None:
     parameters = json.loads(out)["parameters"]
     assert (parameters["cutoff"], parameters["switch_penalty"]) == (0.5, 0.5)
     _, out, err = invoke(*pair, "--distance", "iou", "-c", "2", "--format", "json")
-    assert "all pairs of a step" in err
+    assert "every pair of a step is a possible match" in err
     assert "default switch penalty gamma = 0.5" in err
     assert json.loads(out)["parameters"]["cutoff"] == 2
 

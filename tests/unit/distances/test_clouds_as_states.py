@@ -740,7 +740,7 @@ def test_a_gate_is_where_the_distance_of_means_is_the_cutoff(
     a = Trajectories.from_array(place, **spread)
     found = associate(a, a, cutoff=cutoff, distance=distance)
     seen = found.plot_data
-    plane = Plane(seen=seen, across="x", up="y", style=STYLES["screen"])
+    plane = Plane(data=seen, across="x", up="y", style=STYLES["screen"])
     power = seen.document["gate"]["power"] or np.inf
     outline = ellipses(plane.places["truth"], plane.gates, power)[0]
     for share, count in ((1 - 1e-9, 1), (1 + 1e-9, 0)):

@@ -450,7 +450,7 @@ def test_wrong_uses_of_preprocessing(write: Write, invoke: Invoke) -> None:
     boxes = write("boxes.csv", "id,t,left,top,width,height,class\n1,1,0,0,10,10,1\n")
     for words, text in (
         ([mot, mot], "choose --distance iou"),
-        ([mot, mot, "--distance", "iou", "--by", "class"], "not --by class"),
+        ([mot, mot, "--distance", "iou", "--by", "class"], "leave out --by class"),
         ([table, mot, "--distance", "iou"], "no column class for --preprocess"),
         ([bare, mot, "--distance", "iou"], "no column class for --preprocess"),
         ([minus, mot, "--distance", "iou"], "minus.txt has no classes"),

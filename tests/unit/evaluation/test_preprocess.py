@@ -264,7 +264,7 @@ def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
         ("kitti", (), "is for one class: --class car or --class pedestrian"),
         ("kitti", ("--class", "Van"), 'is for one class, not for "Van"'),
         ("kitti", ("--class", "Car,Van"), 'is for one class, not for "Car,Van"'),
-        ("kitti:ignore", ("--class", "car", "--by", "class"), "not --by class"),
+        ("kitti:ignore", ("--class", "car", "--by", "class"), "leave out --by class"),
         ("visdrone", (), "read as kitti; only files of visdrone say what is not evaluated"),
         ("motchallenge:ignore", (), "read as kitti; only files of motchallenge say"),
         ("kitti:ignore", ("--class", "car", "--existence", "use"),

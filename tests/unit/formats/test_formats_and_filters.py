@@ -687,7 +687,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
         assert (document["sizes"]["truth"], document["sizes"]["estimates"]) == (1, 1)
         assert document["total"] == 0
         assert f'{estimate}: class "CAR" is read as "{asked}"' in answer.err
-        assert (f'{truth}: class "Car" is taken for' in answer.err) == (asked != "Car")
+        assert (f'{truth}: class "Car" is read as' in answer.err) == (asked != "Car")
     # Two classes that differ in this alone are two.
     both = write("b.csv", "id,t,x,class\na,1,0,Car\nb,1,50,car\nc,1,99,bus\n")
     reading = read(both, ReadOptions(classes=("car",)))

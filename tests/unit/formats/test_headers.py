@@ -42,9 +42,9 @@ def test_usual_headers(write: Write, header: str) -> None:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; say which, columns=(\'t=ts\','),
-        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; say which, columns=('),
-        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; say which, columns=(\'id=track\','),
+        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; choose one, columns=(\'t=ts\','),
+        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; choose one, columns=('),
+        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; choose one, columns=(\'id=track\','),
         ("id,Time,TIME,x", '"Time" and "TIME" may both be t'),
     ],
 )
@@ -128,9 +128,12 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("a,b,c,d", "map it with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows"),
+        (
+            "a,b,c,d",
+            "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows",
+        ),
         ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
-        ("timestamp tx ty tz qx", "map it with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
+        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
     ],
 )
 def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
@@ -223,7 +226,7 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
     ("ids", "cause"),
     [
         ("-1", "every id is -1: these are detections, and TGOSPA compares tracks"),
-        ("7", 'nearly every id is "7", as of detections, and TGOSPA compares tracks'),
+        ("7", 'nearly every id is "7", as in detections, but TGOSPA compares tracks'),
         ("abcde", "name the columns of ids and times"),
     ],
 )

@@ -201,7 +201,7 @@ def test_wrong_tables(
 
 
 def test_missing_tables_and_too_large_ones(tables: Path) -> None:
-    with pytest.raises(InputError, match=r"sample_annotation.json: .* JSON: reading it takes"):
+    with pytest.raises(InputError, match=r"sample_annotation.json: .* JSON: reading it needs"):
         read(tables, ReadOptions(max_input=2e-5))
     (tables / "scene.json").unlink()
     assert read(tables).rows == 50

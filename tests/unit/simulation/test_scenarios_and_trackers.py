@@ -346,7 +346,7 @@ def test_a_scene_is_written_anew(invoke, write, tmp_path: Path) -> None:
     assert invoke("simulate", "a", "--format", "kitti").status == 0
     assert set(contents(tmp_path / "a")) == {"gt.txt", "res.txt", ".tgospa-eval.json"}
     write("a/gt.txt", "mine")
-    assert "was changed since" in invoke("simulate", "a", "--format", "kitti").err
+    assert "has changed since" in invoke("simulate", "a", "--format", "kitti").err
 
 
 @pytest.mark.parametrize(
