@@ -54,7 +54,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     at_once = write("at_once.csv", clusters(apart=False))
     answer = invoke(at_once, at_once, *METRIC)
     assert answer.status == 3
-    assert 'ids are numbered anew in each "CID": --truth-columns id=CID+TID makes' in answer.err
+    assert 'ids are numbered anew in each "CID": --truth-columns id=CID+TID evaluates' in answer.err
     assert total(invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TID")) == 0
     answer = invoke(at_once, at_once, *METRIC, "--columns", "class=CID", "--by", "class")
     assert total(answer) == 0

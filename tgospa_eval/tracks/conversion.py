@@ -381,8 +381,8 @@ class Conversion:
         unknown = [name for name in own if name not in columns]
         if unknown:
             raise ConfigError(
-                f"{option(self.scale_option)}: {quoted(unknown[0])} is not a state column; state columns: "
-                f"{','.join(columns)}; choose them with {option('columns')}"
+                f"{option(self.scale_option)}: {quoted(unknown[0])} is not a state column; state "
+                f"columns: {','.join(columns)}; choose them with {option('columns')}"
             )
         if self.unit_scale == 1:
             return np.array([own.get(name, 1.0) for name in columns]) if own else None

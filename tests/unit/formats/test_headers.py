@@ -130,7 +130,7 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
     [
         (
             "a,b,c,d",
-            "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows",
+            "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); ",
         ),
         ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
         ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
