@@ -58,7 +58,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     assert total(invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TID")) == 0
     answer = invoke(at_once, at_once, *METRIC, "--columns", "class=CID", "--by", "class")
     assert total(answer) == 0
-    assert "2 truths" in answer.out
+    assert "2 ground-truth objects" in answer.out
     answer = invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TRK")
     assert 'no header "TRK" for id' in answer.err
     assert "--truth-columns id=CID+HEADER" in answer.err
@@ -103,7 +103,7 @@ def test_an_id_that_is_nan_names_nothing(invoke: Invoke) -> None:
     assert 'line 2, column "id": blank id (and 2 more)' in answer.err
     answer = invoke(path, path, *METRIC, "--on-invalid", "drop")
     assert total(answer) == 0
-    assert "1 truth, 1 estimate, 3 steps" in answer.out
+    assert "1 ground-truth object, 1 estimate, 3 steps" in answer.out
 
 
 def test_ids_of_rows(invoke: Invoke) -> None:

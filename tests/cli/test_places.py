@@ -391,7 +391,7 @@ def test_options_of_one_side_lead_on(invoke: Any) -> None:
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
     assert "--truth-time-zone UTC, or another" in answer.err
     answer = invoke("ais.csv", "radar.csv", *metric, "--truth-time-zone", "UTC")
-    assert (answer.status, "1 truth, 1 estimate, 2 steps" in answer.out) == (0, True)
+    assert (answer.status, "1 ground-truth object, 1 estimate, 2 steps" in answer.out) == (0, True)
 
 
 def test_milliseconds_beside_seconds_whose_stamps_do_not_coincide(invoke: Any) -> None:

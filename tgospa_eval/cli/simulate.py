@@ -243,9 +243,10 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     count = sum(map(len, measurements))
     return (
         f"{folder}: {name}, {counted(setting.steps, 'step')}; "
-        f"{_size_of(truth, 'truth')} in {names[0]}, {counted(count, 'measurement')} in "
-        f"{names[2]}; {_size_of(estimate, 'estimate')} in {names[1]}, the raw measurements of "
-        "each target; replace it with your tracker's estimate",
+        f"{_size_of(truth, 'ground-truth object')} in {names[0]}, "
+        f"{counted(count, 'measurement')} in {names[2]}; "
+        f"{_size_of(estimate, 'estimate')} in {names[1]}, the raw measurements of each target; "
+        "replace it with your tracker's estimate",
         f"source: {setting.source}; the random numbers differ from those of the source",
         f"tgospa-eval {_paths(folder, names[:2])} -c {setting.cutoff:g} -p {setting.order:g} "
         f"-g {setting.switch_penalty:g}",
@@ -305,7 +306,7 @@ def _make_scene(
         formats += f" --distance {DISTANCE_OF_STATE[state]}"
     return (
         f"{folder}: {scene.scenario}, {counted(scene.steps, 'step')}; "
-        f"{_size_of(sides[0], 'truth')} in {names[0]}, "
+        f"{_size_of(sides[0], 'ground-truth object')} in {names[0]}, "
         f"{_size_of(sides[1], 'estimate')} in {names[1]}",
         f"tgospa-eval {_paths(folder, names)}{formats} -c {cutoff:g} -g {cutoff / 2:g}",
     )

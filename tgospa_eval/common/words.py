@@ -100,7 +100,7 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 def sizes_in_words(sizes: Mapping[str, int]) -> str:
     """Format the numbers of truths, estimates and steps."""
-    nouns = {"truth": "truth", "estimates": "estimate", "steps": "step"}
+    nouns = {"truth": "ground-truth object", "estimates": "estimate", "steps": "step"}
     return ", ".join(counted(sizes[name], noun) for name, noun in nouns.items())
 
 

@@ -309,7 +309,7 @@ def test_folder_tables_of_a_known_scene(known: Result) -> None:
 def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
     _, out, _ = invoke(*quickstart, "--unit", "m")
     assert re.match(r"TGOSPA = 41\.788 m, exact: proven", out)
-    assert "\n5 truths, 7 estimates, 56 steps\n" in out
+    assert "\n5 ground-truth objects, 7 estimates, 56 steps\n" in out
     for pattern in (
         r"c += 10 m, .*",
         r"p += 2, .*",

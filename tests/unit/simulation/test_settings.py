@@ -70,7 +70,7 @@ def test_simulate_writes_a_setting_and_the_metric_of_its_source(
     done = invoke("simulate", str(folder), "--setting", "garcia-fernandez-2020", "--seed", "3")
     assert done.status == 0, done.err
     what, source, printed = done.out.splitlines()
-    assert "garcia-fernandez-2020, 81 steps; 4 truths with 283 rows in truth.csv" in what
+    assert "2020, 81 steps; 4 ground-truth objects with 283 rows in truth.csv" in what
     assert "ScenarioWilliams15.m; the random numbers differ from those of the source" in source
     assert printed.endswith("-c 10 -p 2 -g 1")
     result = json.loads(invoke(*printed.split()[1:], "--format", "json").out)

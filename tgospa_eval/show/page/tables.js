@@ -104,7 +104,7 @@ function worstTables() {
     make("th", several ? make("bdi", String(doc.worst.t[k])) : stepLink(k), { scope: "row" }), make("td", number(each[k])), make("td", number(counts.missed[k])),
     make("td", number(counts.false[k])), ...(switches ? [make("td", number(counts.switch[k]))] : []), make("td", why(PARTS.map((name) => [word(name), costs[name][k]]))),
   ], several ? {} : { "data-step": k })));
-  for (const [name, title, kind] of [["truth", doc.words.truth ?? "Truths", "missed"], ["estimate", doc.words.estimate ?? "Estimates", "false"]]) {
+  for (const [name, title, kind] of [["truth", doc.words.truth ?? "Ground-truth objects", "missed"], ["estimate", doc.words.estimate ?? "Estimates", "false"]]) {
     const { table } = sides[name];
     if (table.total.length <= 5) continue;  // the table of all of them says the same
     add(title, [word(name), "cost", `${word(kind)} steps`, ...(switches ? ["switches"] : []), "mostly"], dearest(table.total).map((k) => make("tr", [
