@@ -85,8 +85,8 @@ def test_dates_that_may_be_either_are_never_guessed() -> None:
 @pytest.mark.parametrize(
     ("times", "form", "message"),
     [
-        (["2025-10-26T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "occurs twice or never in"),
-        (["2025-03-30T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "occurs twice or never in"),
+        (["2025-10-26T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "is ambiguous or missing in"),
+        (["2025-03-30T02:30:00"] * 2, {"zone": "Europe/Copenhagen"}, "is ambiguous or missing in"),
         (UTC, {"zone": "Mars"}, "unknown time zone"),
         (UTC, {"format": "fortnights"}, "must be a format such as"),
         (UTC, {"format": "%d/%m/%Y"}, "does not fit"),
@@ -178,7 +178,7 @@ def test_times_of_day_go_over_midnight(form: str, invoke: Invoke, tmp_path: Path
     answer = invoke(*asked)
     assert json.loads(answer.out)["total"] == pytest.approx(4)
     noon = "43200000" if form == "ms" else "43200"
-    assert f"line 22: the time begins anew, as after midnight; --day-begins {noon}" in answer.err
+    assert f"line 22: the time of day jumps back, as at midnight; --day-begins {noon}" in answer.err
     answer = invoke(*asked, "--day-begins", noon)
     document = json.loads(answer.out)
     assert document["total"] == pytest.approx(2)

@@ -145,7 +145,7 @@ def test_the_repaired_file_is_written_whole_or_not_at_all(invoke: Run, tmp_path:
         (("--apply", "99", "-o", str(tmp_path / "no.csv")), "--apply 99: repair 99: there are"),
         (("-o", str(tmp_path / "no.txt")), "must end in .csv"),
         (("-o", QUICKSTART[1], "--force"), "is also read or written by this command"),
-        (("--apply", "2"), "--apply is for the file of -o"),
+        (("--apply", "2"), "--apply needs -o FILE"),
         (("--by", "class"), "choose one class by --class NAME"),
         (("--preprocess", "motchallenge"), "what it leaves out changes with the repair"),
         (("--top", "0"), "--top"),

@@ -677,7 +677,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
         rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
             f"{job_name(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
-            f"{of_estimate:,} of the estimate are left out: no declared step has their time"
+            f"{of_estimate:,} of the estimate are left out: no step that is declared has their time"
         )
 
 

@@ -1,4 +1,4 @@
-"""Read this first: the line of one evaluation, from two sides to a result."""
+"""Read this first: the steps of one evaluation, from truth and estimate to a result."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, cast
@@ -57,7 +57,7 @@ def evaluate(
         Arrow knows, in the long form ``id, t, x[, y[, z]]``; an array or tensor (T, k, d) with NaN
         for absent, or a pair ``(times, array)``; a mapping from id to an array (T, d), or to a
         pair ``(times, array)``; tracks or ground-truth paths of Stone Soup (see `mapping`).
-        Arrays and tables are taken to have the columns that the distance needs.
+        The columns of arrays and tables are assumed to be those of the distance.
     cutoff : float, optional
         c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
     order : float
@@ -65,7 +65,7 @@ def evaluate(
     switch_penalty : float, optional
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     mapping : sequence of int, or pair of such, optional
-        Of tracks with state vectors the components to compare: ``(0, 2)`` for x and y of
+        Components of state vectors to compare, for tracks that have such: ``(0, 2)`` for x and y of
         ``(x, vx, y, vy)``; a pair where truth and estimate have theirs in other places.
     memory : str or float, optional
         Memory that the evaluation may take, ``"4GB"``, or a number of GB; half of the machine's by
@@ -77,8 +77,8 @@ def evaluate(
     Returns
     -------
     Result
-        Value, bracket, decomposition, tables; with ``by="class"`` the sum of such, `ByClass`; of
-        data in parts `ResultInParts`, whose tables are files that go with it.
+        Value, its lower and upper bound, its parts, tables; with ``by="class"`` a `ByClass`, the
+        sum over classes; of data in parts a `ResultInParts`, whose tables are temporary files.
 
     Warns
     -----
@@ -130,7 +130,7 @@ class TrackPair:
     files : dict
         Paths of truth and estimate; None of what is no file.
     said : tuple of Notice
-        What looks wrong with them, how they were read, and what nobody chose.
+        Warnings about the data, how they were read, and parameters that have their defaults.
     """
 
     read: tuple[Reading, ...]
@@ -176,9 +176,10 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        What to do with what the user should know. Without, warnings are in the words of Python.
+        Takes what the user should know. If omitted, messages name keywords of Python and not
+        options of the command line.
     mapping : sequence of int, or pair of such, optional
-        Of tracks with state vectors the components to compare.
+        Components of state vectors to compare, for tracks that have such.
     known : dict, optional
         The last truth by its path, for several estimates of it: it is read once.
 
@@ -206,7 +207,7 @@ def noticed(
 ) -> TrackPair:
     """Return two sides that were read and aligned, with notices about them.
 
-    `sound` says that nothing is wrong with their clocks and states.
+    `sound` is true if clocks and states were checked before: the diagnosis is skipped.
     """
     names = display_names(given)
     notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
@@ -289,7 +290,7 @@ def evaluate_pair(
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
     """Evaluate each class, and add them up."""
-    # A distance with settings of the data takes them from all classes.
+    # Settings that a distance derives from the data are those of all classes.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()

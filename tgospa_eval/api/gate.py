@@ -246,7 +246,7 @@ def _with_faults(
         files = [pair.truth, *(str(file) for file in named if file)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
-            fault = f"{other[0]}: differs from the file in {target.where}, which judges"
+            fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
         # Of a scene that the target knows, runs with other seeds are judged in their group.

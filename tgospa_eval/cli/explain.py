@@ -93,7 +93,9 @@ def command(
             "remove such objects from the files"
         )
     if output is None and given & {"apply", "force"}:
-        raise click.UsageError(f"--{min(given & {'apply', 'force'})} is for the file of -o")
+        raise click.UsageError(
+            f"--{min(given & {'apply', 'force'})} needs -o FILE, the file to write"
+        )
     from tgospa_eval.cli.evaluate.run import evaluate_files, explained
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.common.writing import write_file

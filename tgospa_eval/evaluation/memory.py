@@ -29,11 +29,12 @@ BASE = {
 of the process of data in parts, of each worker beyond what it shares with that, of the report."""
 
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
-"""Bytes of each row that is read and of each near pair that is solved; the factor on rows if there
-are pictures."""
+"""For the first guess and for data in parts: bytes of each row that is read and of each near pair
+of a component; the factor of both where pictures are drawn."""
 
 BYTES_COMPARED = 40, 280
-"""Bytes that each row and each near pair take in memory while a problem is solved."""
+"""For the check in memory, when near pairs are known: bytes of each row and of each near pair until
+the problem is solved."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
 """Bytes that pictures of trajectories take at most, and for each row of small data."""
@@ -54,8 +55,8 @@ SHARD_ENTRIES = 1_000_000
 """Entries of a shard of many components: some seconds of work in some 200 MB."""
 
 BYTES_OF_SHARD, BYTES_OF_MARKS = 400, 100
-"""Bytes for each entry of a shard, whose last component may be as large as all before it, and more
-where some states are not judged."""
+"""Bytes for each near pair of a shard, whose last component may double it; and more for each where
+some states are ignored."""
 
 TIP = 1 << 16
 """Bytes at the begin of a text that tell how long its lines are."""
@@ -188,7 +189,7 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return what may be taken until a problem is solved where it is drawn as well."""
+    """Return the limit until a problem is solved, such that its pictures fit into `limit`."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)

@@ -222,7 +222,7 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
     return (
         Notice(
             code="within-rounding",
-            text="the value is within the rounding of the distances: only its bounds are known",
+            text="the value is no larger than the rounding of distances: only its bounds are known",
             remedy="coordinates with a nearby origin keep more digits",
         ),
     )
@@ -240,7 +240,7 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
             "within rounding: nearer pairs cost nothing, others are false, so the last "
             "digits of the states decide",
             remedy=f"a slightly larger {option('cutoff')} makes them cost nothing, a smaller one "
-            "false",
+            "makes their estimates false",
         ),
     )
 

@@ -369,7 +369,7 @@ def _grid(
         anew = over_midnight(times, timestamps, rows.ids[1])
         if anew is not None:
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
-            text = f"{place}: the time begins anew, as after midnight"
+            text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
     labels = None
     if times.text is not None:

@@ -161,7 +161,7 @@ class TimeForm:
             text = iso(int(times.value[row]), "local")
             raise TimeError(
                 row,
-                f"{text} occurs twice or never in {self.zone}, where clocks change"
+                f"{text} is ambiguous or missing in {self.zone}, as daylight saving ends or begins"
                 f"{more(int(np.count_nonzero(missing[code])))}; write UTC, or times with a zone",
             )
         utc = known.dt.tz_convert("UTC").dt.tz_localize(None)

@@ -96,8 +96,8 @@ class Regions:
     name : str
         Where they come from, for messages.
     origin : tuple of float, optional
-        Of states along local axes the place, latitude, longitude and height, where they begin:
-        circles on the Earth and GeoJSON are looked at there.
+        Where states are along local axes: latitude, longitude and height of their origin. Circles
+        on the Earth and GeoJSON are converted to these axes.
     """
 
     shapes: tuple[Shape, ...]
@@ -141,17 +141,17 @@ class Reading:
     named : tuple of str
         Classes of all rows of the file, if they were asked for.
     missing : dict of str to str
-        Of `ReadOptions.shared` what the file lacks, and the message if every file does.
+        Columns of `ReadOptions.shared` that the file lacks, each with the message if all files do.
     headers : dict of str to str
-        Headers of the columns whose names are others.
+        Headers of the columns that have other names here.
     centres : bool
         The states are centres of boxes.
     pixels : bool
         They are in an image, by the rules of the format.
     idle : tuple of str
-        Headers of the states, where these are the same in all rows: of a place that is not known.
+        Headers of states that are the same in all rows, as if the position were not known.
     hidden : tuple of str
-        Headers of such a place, where another one was read.
+        Such headers that were skipped, as other columns of positions were read.
     height : str
         Header of heights or elevations that are left out.
     regions : Regions, optional
@@ -208,7 +208,7 @@ class Reading:
 
 
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
-    """Read a side by these options, and by another place where the first is not known in any row.
+    """Read a side; if its positions are the same in all rows, by other columns if it has any.
 
     Parameters
     ----------

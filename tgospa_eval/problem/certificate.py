@@ -1,11 +1,11 @@
 """Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
 
-Over the whole reduced problem, in NumPy and in kernels of its own with NumPy twins; knows no
-solver, and no solver grades its own work.
+Everything works on the whole reduced problem, in compiled kernels or the same in NumPy.
+It knows no solver: no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
-Blocks of a problem at a smaller cutoff, and what that proves of the whole.
+Blocks may be solved at a smaller cutoff. With V(C) the optimum, m_k truths and n_k estimates:
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   C = c^p,   0 < s < 1,
 
@@ -93,7 +93,7 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Half of a whole price: sums of either half do not overflow."""
+"""Integer prices are split here into a high and a low half, whose sums do not overflow."""
 
 TERMS_TOGETHER = 64
 """Terms of a cost that are added with rounding; sums of these are added without."""
@@ -434,11 +434,11 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Switch prices above this are no different."""
+"""Higher switch prices are lowered to this: the optimum is the same."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
-    """Return the problem of some blocks at the cutoff price `scale`, a power of 2, in its units.
+    """Return some blocks as a problem with c^p times `scale`, a power of 2, as the unit of costs.
 
     Rows and tracks keep their numbers. All truths must have one price, and all estimates
     (`Problem.object_prices`).

@@ -167,7 +167,7 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
     parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
     if numbers["rmse"] is not None:
         parts.append(f"RMS error {quantity(numbers['rmse'])}")
-    for count, noun, ending in ((switches, "switch", "es"), (false, "false object-step", "s")):
+    for count, noun, ending in ((switches, "switch", "es"), (false, "false estimate-step", "s")):
         parts.append(f"{number(count)} {noun}{ending * (count != 1)}")
     return ", ".join(parts)
 

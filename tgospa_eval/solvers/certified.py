@@ -60,7 +60,7 @@ class Certified(BatchSolver):
     def routine(self) -> Routine:
         """Solve every block exactly, or as far as the time limit allows.
 
-        A warm start, from neighbouring problems, may solve some; without kernels it is not used.
+        Solutions of similar problems may solve some blocks at once; only kernels use them.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -89,6 +89,7 @@ class Certified(BatchSolver):
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
         left = places_of(ascent.open)
+        # Blocks that were only to be tried stay open if they are not closed by now.
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
@@ -117,7 +118,7 @@ class Certified(BatchSolver):
 
 
 def _try_steps(ascent: Ascent) -> float:
-    """Solve all steps apart if switches cost nearly nothing; the unit of what then is open."""
+    """Solve each step by itself if switches cost nearly nothing; return the scale of the rest."""
     price = float(ascent.switch_price.max())
     if not ascent.open.any() or price >= ASCENT.stages[-1][0]:
         return 1.0
@@ -132,7 +133,8 @@ def _sweep(
 ) -> int:
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
-    `near` to the best prices, or up to changes of a `unit` below 1, the stages begin there.
+    If the prices are good already (`near` the best, or all but changes of a `unit` below 1 are
+    known), the stages begin from them.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices

@@ -230,7 +230,7 @@ def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alignment:
-    """Both sides on the steps that count, and what that took.
+    """Both sides on the steps that count, and how they came there.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ class Alignment:
     left_out : pair of int
         Rows of the two sides at steps that do not count.
     reports : ClockReports, optional
-        Reports of which the rows of the estimate are: pairs are judged at their stamps.
+        The report behind each row of the estimate: distances are taken at its own timestamp.
     """
 
     truth: Trajectories
@@ -343,9 +343,9 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
 
 
 def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
-    """Return own times, replaced by those of the other side within the tolerance.
+    """Return own times, with those of the other side where they are within the tolerance.
 
-    And which of the pairs of nearest stamps those are.
+    Also returns which of the pairs of `nearest` these are.
     """
     first, second, difference = nearest(mine, theirs)
     close = (difference > 0) & within(difference, tolerance, (mine, theirs), clock)
@@ -357,8 +357,8 @@ def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple
 def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Return whether differences of times are within the tolerance.
 
-    Decimal stamps are rounded when they are read, by half a spacing of doubles each; a distance
-    that exceeds the tolerance by no more is that of the decimals that were written.
+    Reading a decimal rounds it by up to half a spacing of doubles. So a difference that exceeds the
+    tolerance by one spacing at most counts as within it.
     """
     if difference.dtype.kind == "u":
         bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
@@ -462,9 +462,9 @@ class ClockReports:
     declared : bool
         Whether the user named it.
     source : str
-        What it was taken from, where nobody did.
+        How the period was derived, if it was not declared.
     single : int
-        Reports whose track has no other one near in time.
+        Number of reports without another one of their track near in time.
     """
 
     estimate: Trajectories

@@ -304,8 +304,8 @@ class Conversion:
             k = int(same[0])
             raise ConfigError(
                 f"{option('time_offset')}, {option('time_scale')}: the times {times[k]} and "
-                f"{times[k + 1]} of {name} would both become {converted[k]}; a double has no more "
-                "digits"
+                f"{times[k + 1]} of {name} would become the same number, {converted[k]}, by "
+                "rounding"
             )
         return converted, None
 

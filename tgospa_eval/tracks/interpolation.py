@@ -261,9 +261,9 @@ def hold(
     if step > period * (1 + SLACK):
         shown = number(period, 6)
         raise ConfigError(
-            f"{option('resample', f'{step:g}')}: a report of {names[0]} holds for its period, "
-            f"{shown}, and could fall between two steps; give at most {shown}, or "
-            f"{option('period')} if it is longer"
+            f"{option('resample', f'{step:g}')}: longer than the period of {names[0]}, {shown}, "
+            f"so a report could fall between two steps; give at most {shown}, or "
+            f"{option('period')} if the period is really longer"
         )
     limit = float(matching.run) if matching.run else RUN * period
     joined = same & (gap <= limit * (1 + SLACK))

@@ -439,7 +439,7 @@ def test_options(
 def test_defaults_of_boxes(invoke: Invoke, pair: tuple[str, str]) -> None:
     _, out, err = invoke(*pair, "--distance", "iou", "--format", "json")
     assert "default cutoff c = 0.5 and switch penalty gamma = 0.5;" in err
-    assert "median nearest estimate is 0.667 away" in err
+    assert "median distance to the nearest estimate is 0.667" in err
     parameters = json.loads(out)["parameters"]
     assert (parameters["cutoff"], parameters["switch_penalty"]) == (0.5, 0.5)
     _, out, err = invoke(*pair, "--distance", "iou", "-c", "2", "--format", "json")

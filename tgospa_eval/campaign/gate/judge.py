@@ -49,13 +49,13 @@ Evaluated = tuple[Row, Mapping[str, object]]
 """The row of a pair, and the options that made it."""
 
 Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
-"""Answers of pairs, in their order; a baseline may have options of them."""
+"""Evaluates jobs and yields their rows in order; options in the baseline come first."""
 
 
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """Return the groups of a suite, or those of the command line, which have its rules.
+    """Return the groups of a suite, or one made of the options of the command line.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """Return notes about groups whose seeds can support nothing."""
+    """Return notes about groups with too few seeds to show any change."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
@@ -322,7 +322,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 
 
 MAX_PAGES = 200
-"""Pairs of which each has a page; of more those have one that do not pass."""
+"""Up to so many pairs each has a page; of more only those that do not pass."""
 
 IN_GROUP = "not in the baseline: judged only in its group"
 

@@ -174,7 +174,8 @@ def _check(
         )
     if chosen.explain and chosen.preprocess:
         raise click.UsageError(
-            "--explain: what --preprocess leaves out changes with the repair; leave one of them out"
+            "--explain and --preprocess exclude each other: what --preprocess leaves out depends "
+            "on the repair"
         )
 
 

@@ -108,8 +108,8 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
-            text=f"each report of the estimate holds for its period, {number(clock.period)} "
-            f"({which}), and is evaluated at its own time: {counted(used, 'report')}{single} at "
+            text=f"each report of the estimate holds for the period of the tracker, "
+            f"{number(clock.period)} ({which}), and is evaluated at its own time: {counted(used, 'report')}{single} at "
             f"{steps} of the common clock{off}"
         )
     if matching.steps is not None:
@@ -363,7 +363,7 @@ def default_notice(
     )
     nearest = median_nearest(aligned.truth, aligned.estimate, distance)
     known = nearest is not None and math.isfinite(nearest)
-    scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
+    scale = "" if not known else f"; the median distance to the nearest estimate is {nearest:.3g}"
     far = nearest is not None and nearest >= parameters.cutoff and "cutoff" in defaults
     first = (
         f"{option('distance', 'iou')} compares the boxes themselves; or "
