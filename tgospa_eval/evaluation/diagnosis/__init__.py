@@ -108,9 +108,9 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
-            text=f"each report of the estimate holds for the period of the tracker, "
-            f"{number(clock.period)} ({which}), and is evaluated at its own time: {counted(used, 'report')}{single} at "
-            f"{steps} of the common clock{off}"
+            text="each report of the estimate holds for the period of the tracker, "
+            f"{number(clock.period)} ({which}), and is evaluated at its own time: "
+            f"{counted(used, 'report')}{single} at {steps} of the common clock{off}"
         )
     if matching.steps is not None:
         first, second = axis.left_out
