@@ -234,7 +234,7 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
     [
         (("--sweep", "c=1,2"), "--explain is for one evaluation, not for --sweep"),
         (("--by", "class"), "choose one class by --class NAME"),
-        (("--distance", "iou", "--preprocess", "motchallenge"), "changes with the repair"),
+        (("--distance", "iou", "--preprocess", "motchallenge"), "depends on the repair"),
     ],
 )
 def test_evaluate_explains_what_the_verb_does(
