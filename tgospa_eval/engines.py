@@ -346,9 +346,9 @@ class PersistentPool:
         self._stack.__exit__(kind, error, trace)
 
     def close(self) -> None:
-        """End the workers."""
+        """End the workers; whoever has jobs does the rest without."""
         self._stack.close()
-        self._pool = None
+        self._pool, self.patience = None, math.inf
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)

@@ -677,7 +677,8 @@ def test_shares_add_up_to_the_limit(format: str, drawn: bool) -> None:
         assert limit - share.jobs < taken <= limit
         jobs.append(share.jobs)
         assert share.fits_component(share.entries, masked=True)
-        assert share.fits_component(share.single // 300, masked=False) == (share.jobs == 1)
+        largest = int(share.single / share.entry)
+        assert share.fits_component(largest, masked=False) == (share.jobs == 1)
     assert jobs == sorted(jobs)
     assert {jobs[0], jobs[-1]} == {1, 4}
 

@@ -164,7 +164,7 @@ def test_verbs_that_know_probabilities(invoke: Run, write: Write, pair: list[str
         ("t,weight\n0,1\n1,x\n", 'w.csv, line 3, column "weight": not a number: "x"'),
         ("t,weight\n0,1\n1,-1\n2,1\n", 'w.csv, line 3, column "weight": a weight of -1'),
         ("t,weight\n0,1\n1,\n2,1\n", 'w.csv, line 3, column "weight": a blank weight'),
-        ("t,weight\n0,1\n1,1\n0,1\n", 'line 4, column "t": t = 0 is there twice, first on line 2'),
+        ("t,weight\n0,1\n1,1\n0,1\n", 'line 4, column "t": t = 0 is a duplicate, first on line 2'),
         ("t,w\n0,1\n", 'w.csv, line 1: no column "weight"'),
         ("t,weight\n0,1\n1\n", "w.csv, line 3: 1 field, the header has 2"),
         ("t,weight\n", "w.csv: a header alone"),

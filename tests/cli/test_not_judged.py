@@ -189,7 +189,7 @@ def test_the_reach_of_a_gap_grows_with_the_speed_that_is_allowed(tmp_path: Path)
     clock = {"resample": "10s", "max_gap": "10s"}
     again = evaluate(*iso, **options | clock, ignore="truth-gaps", max_speed=0.6)
     assert again.counts == found[1].counts
-    with pytest.raises(ConfigError, match="no place for a reach that grows"):
+    with pytest.raises(ConfigError, match="cannot hold a reach that grows"):
         found[2].proof.save(tmp_path / "proof")
     with pytest.raises(ConfigError, match="is for ignore"):
         evaluate(ship, radar, **options, max_speed=2)

@@ -507,13 +507,13 @@ def test_no_name_of_a_folder_writes_a_line(
         ({"price_bits": 10**9}, "not too large"),
         ({"weight_unit": 10**60}, "not too large"),
         ({"weight_unit": 0}, "assigned more than once"),
-        ({"upper_bound": "inf"}, "no plain decimal number"),
-        ({"upper_bound": "1_000_000"}, "no plain decimal number"),
+        ({"upper_bound": "inf"}, "not a plain decimal number"),
+        ({"upper_bound": "1_000_000"}, "not a plain decimal number"),
         ({"prices": [["b", "9", 1]]}, "no table has '9'"),
         ({"assignment": [["a", "b", "0", "9", 1]]}, "no table has '9'"),
         ({"assignment": [["c", "b", "0", "0", 1]]}, "no table has 'c'"),
-        ({"options": {"time": float("nan")}}, "no plain decimal number"),
-        ({"options": {"time": 10**5000}}, "no whole proof"),
+        ({"options": {"time": float("nan")}}, "not a plain decimal number"),
+        ({"options": {"time": 10**5000}}, "not a complete proof"),
     ],
 )
 def test_both_checkers_refuse_what_is_outside_the_schema(
@@ -540,7 +540,7 @@ def test_both_checkers_refuse_what_is_outside_the_schema(
         (lambda data: data.decode().encode("utf-16"), "is not UTF-8"),
         (lambda data: data.replace(b"a", b"\xe9"), "is not UTF-8"),
         (lambda data: data.replace(b"a", b"\xed\xb3\xbf"), "is not UTF-8"),
-        (lambda data: data.decode().encode("utf-32-le"), "no whole proof"),
+        (lambda data: data.decode().encode("utf-32-le"), "not a complete proof"),
     ],
     ids=["mark", "utf-16", "latin-1", "surrogate", "utf-32"],
 )
@@ -640,10 +640,10 @@ def test_files_of_a_folder_are_its_own(
     good = path.read_bytes()
     for make, message in (
         (lambda: path.symlink_to("../secret"), f"{name} is a link out of the folder"),
-        (lambda: path.symlink_to(path.name), f"{name} is missing, or no file"),
-        (lambda: os.mkfifo(path), f"{name} is missing, or no file"),
-        (lambda: path.symlink_to("/dev/zero"), f"{name} is missing, or no file"),
-        (path.mkdir, f"{name} is missing, or no file"),
+        (lambda: path.symlink_to(path.name), f"{name} is missing, or is not a file"),
+        (lambda: os.mkfifo(path), f"{name} is missing, or is not a file"),
+        (lambda: path.symlink_to("/dev/zero"), f"{name} is missing, or is not a file"),
+        (path.mkdir, f"{name} is missing, or is not a file"),
         (lambda: sparse(path), f"{name} is too large"),
     ):
         path.unlink()
@@ -729,7 +729,7 @@ def test_folders_that_would_take_long_are_refused(
     rewritten(plain, {"parameters": given, **rows, **changes, "upper_bound": "1e9"}, crowd(states))
     status, text = both(invoke, plain, capsys)
     assert status == expected
-    assert ("no whole proof" in text) == (status == 3)
+    assert ("not a complete proof" in text) == (status == 3)
 
 
 def test_rows_of_an_assignment_that_overlap_cost_no_time(
@@ -765,7 +765,7 @@ def test_proof_refuses_what_checkers_refuse(invoke: Invoke, write: Write) -> Non
     write("t.csv", f"id,t,x\n{rows}")
     for options, message in (
         (("-p", "1.7", "-c", "10"), "takes too long to check: choose a smaller cutoff"),
-        (("-p", "20000", "-c", "1"), "has no place for the order 20000: at most 10000"),
+        (("-p", "20000", "-c", "1"), "cannot hold the order 20000: at most 10000"),
     ):
         answer = invoke("t.csv", "t.csv", *options, "-o", "r", "--proof", "-q")
         assert answer.status == 2

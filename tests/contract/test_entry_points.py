@@ -152,7 +152,7 @@ def test_python_knows_both(mine: Path, tmp_path: Path) -> None:
     )
     assert result.total == 2
     assert result.parameters["distance"] == "snowflake"
-    with pytest.raises(ConfigError, match='no place for the distance "snowflake"'):
+    with pytest.raises(ConfigError, match='cannot hold the distance "snowflake"'):
         result.proof.save(tmp_path / "proof")
     with pytest.raises(ConfigError, match="periodic is for the norms"):
         evaluate(x, x, distance="snowflake", periodic=["x"])

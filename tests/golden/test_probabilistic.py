@@ -248,5 +248,5 @@ def test_wrong_probabilities() -> None:
         evaluate(named, named, existence="use", rho=0.3)
     with pytest.raises(ConfigError, match="must be one of ignore, use"):
         evaluate(named, named, existence="yes")
-    with pytest.raises(ConfigError, match="no place for probabilities"):
+    with pytest.raises(ConfigError, match="cannot hold probabilities"):
         evaluate(named, side(STAYS, 0.5), existence="use").proof.save("nowhere")

@@ -294,7 +294,7 @@ def compare(
     Raises
     ------
     ConfigError, InputError, TypeError
-        As for `evaluate`; there is no estimate, or a solver is there twice.
+        As for `evaluate`; there is no estimate, or a solver is a duplicate.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -557,7 +557,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     Raises
     ------
     TgospaError
-        Patterns do not fit each other, a result is wrong or there twice, or is of another truth or
+        Patterns do not fit each other, a result is wrong or a duplicate, or is of another truth or
         other parameters than the first.
     """
     marked = [is_pattern(path) for path in paths]

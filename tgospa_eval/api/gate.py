@@ -447,7 +447,7 @@ def _stored(folder: str, path: str) -> dict[str, judge.Evaluated]:
     Raises
     ------
     InputError
-        It cannot be read, has no rows, or an option is none of ours.
+        It cannot be read, has no rows, or an option is unknown.
     """
     store = Store(folder)
     options, table = store.settings()["options"], store.rows()

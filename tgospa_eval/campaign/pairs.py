@@ -671,7 +671,7 @@ def short_names(paths: Sequence[str]) -> list[str]:
     Raises
     ------
     ConfigError
-        A file is there twice.
+        A file is a duplicate.
     """
     by_real_path: dict[str, str] = {}
     for path in paths:

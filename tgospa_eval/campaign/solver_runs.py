@@ -172,7 +172,7 @@ def takes_long(prepared: PreparedPair) -> int | None:
 
 
 def check_solvers(solvers: Sequence[Solver]) -> None:
-    """Check that no solver is there twice with the same settings, and sinkhorn has its sweeps.
+    """Check that no solver is a duplicate with the same settings, and sinkhorn has its sweeps.
 
     Raises
     ------

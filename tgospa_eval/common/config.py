@@ -247,7 +247,7 @@ class OptionSpec:
     methods : sequence of str
         The reductions that it is for, if not all.
     parts : str
-        What to do instead where data are read in parts and it has no place; blank if it has.
+        What to do instead where data in parts do not support it; blank if they do.
     """
 
     section: str

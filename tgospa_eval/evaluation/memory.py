@@ -42,6 +42,9 @@ PICTURES, OF_PICTURES = 70 * MB, 400
 HELPERS = 30 * MB
 """Bytes of the processes that look after workers."""
 
+TABLES = 150 * MB
+"""Bytes of a worker that writes tables."""
+
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
 """Bytes of data that a process needs at least, and from which more processes are quicker."""
 
@@ -54,15 +57,15 @@ BYTES_OF_BLOCK = 600
 SHARD_ENTRIES = 1_000_000
 """Entries of a shard of many components: some seconds of work in some 200 MB."""
 
-BYTES_OF_SHARD, BYTES_OF_MARKS = 400, 100
-"""Bytes for each near pair of a shard, whose last component may double it; and more for each where
-some states are ignored."""
+BYTES_OF_SHARD, BYTES_OF_MARKS, BYTES_KEPT = 400, 100, 60
+"""Bytes for each near pair of a shard, whose last component may double it; more for each where some
+states are ignored; and more for each of a component whose assignments are written."""
 
 TIP = 1 << 16
 """Bytes at the begin of a text that tell how long its lines are."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Share:
     """Memory of each of the processes that evaluate data in parts.
 
@@ -73,15 +76,21 @@ class Share:
     data : int
         Bytes of data of each.
     single : int
-        Bytes of data of one process where there are no others.
+        Bytes of data of one process, once there are no others.
     fixed : int
-        Bytes that it takes beside its data.
+        Bytes that all take then beside these data.
+    tables : bool
+        Whether there is memory for processes that write tables.
+    entry : int
+        Bytes for each near pair of a component.
     """
 
     jobs: int
     data: int
     single: int
     fixed: int
+    tables: bool
+    entry: int
 
     @classmethod
     def of(
@@ -108,17 +117,20 @@ class Share:
             The limit is below what one process needs.
         """
         main, report = base("main", formats), base(f"report{', drawn' * pictures}", formats)
+        entry = BYTES_AN_ENTRY + BYTES_KEPT * pictures
+        fixed = main + HELPERS
         for count in range(jobs, 1, -1):
-            share = (limit - main - HELPERS) // count - base("worker", formats)
-            if share >= GOOD_SHARE and limit >= report:
-                return cls(jobs=count, data=share, single=limit - main, fixed=main)
+            data = (limit - fixed) // count - base("worker", formats)
+            if data >= GOOD_SHARE and limit >= report:
+                tables = report + HELPERS + count * TABLES <= limit
+                return cls(count, data, limit - fixed, fixed, tables, entry)
         minimum = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
         if limit < minimum:
             raise MemoryTooSmallError(
                 f"data in parts need at least {size_text(minimum)}: allow "
                 f"{option('memory', size_text(minimum))}"
             )
-        return cls(jobs=1, data=limit - main, single=limit - main, fixed=main)
+        return cls(1, limit - main, limit - main, main, tables=True, entry=entry)
 
     @property
     def rows(self) -> int:
@@ -145,7 +157,7 @@ class Share:
         MemoryTooSmallError
             Not even one process alone can; the message says what it needs.
         """
-        needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
+        needed = entries * (self.entry + BYTES_OF_MARKS * masked)
         if entries <= self.entries or needed <= self.data:
             return True
         if needed > self.single:

@@ -146,7 +146,7 @@ class TimeForm:
         Raises
         ------
         TimeError
-            A time is there twice, or never, as the clocks are changed.
+            A time is a duplicate, or never comes, as the clocks are changed.
         """
         if not self.zone or times.clock != "local":
             return times

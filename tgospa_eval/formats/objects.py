@@ -98,7 +98,7 @@ def _rows_of_tracks(
     ConfigError
         Components are not chosen, or not there.
     InputError
-        A state has no time, or is not of numbers; an id is there twice, or some states have
+        A state has no time, or is not of numbers; an id is a duplicate, or some states have
         particles and others covariances.
     """
     import pandas as pd  # lazy, as below: files do without
@@ -641,7 +641,7 @@ def of_mapping(
     Raises
     ------
     InputError
-        Shapes do not fit, some have times and others not, or an id is there twice.
+        Shapes do not fit, some have times and others not, or an id is a duplicate.
     """
     timed = {isinstance(value, tuple) for value in tracks.values()}
     if len(timed) > 1:
@@ -709,7 +709,7 @@ def from_rows(
     Raises
     ------
     InputError
-        A state is infinite, or an id is none, is there twice, or twice at a time.
+        A state is infinite, or an id is none, or is a duplicate, also at one time.
     """
     from tgospa_eval.formats.frames import id_text  # lazy: as pandas
     from tgospa_eval.formats.rows import number_ids
@@ -726,7 +726,7 @@ def from_rows(
         row = order[again[0]]
         stamp = at[0][row]
         moment = times.value[stamp] if times.text is None else times.text[stamp]
-        raise InputError(f"{name}: id {quoted(table[track[row]])} is there twice at t = {moment}")
+        raise InputError(f"{name}: id {quoted(table[track[row]])} is a duplicate at t = {moment}")
     if np.isinf(states).any():
         row = int(np.flatnonzero(np.isinf(states).any(axis=1))[0])
         raise InputError(
@@ -831,7 +831,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
     ConfigError
         It is of no accepted type.
     InputError
-        A time or a weight is none, or a time is there twice.
+        A time or a weight is none, or a time is a duplicate.
     """
     if given is None:
         return None
@@ -873,7 +873,7 @@ def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
     if again is not None:
         row, _, count = again
         shown = columns["t"].iloc[row]
-        raise InputError(f"{GIVEN}, row {row}: t = {shown} is there twice{more(count)}")
+        raise InputError(f"{GIVEN}, row {row}: t = {shown} is a duplicate{more(count)}")
     cost = _weights(columns["weight"], "weight")
     switch = _weights(columns.get("switch_weight", columns["weight"]), "switch_weight")
     return WeightsByTime(times=times.value, cost=cost, switch=switch, clock=times.clock, name=GIVEN)

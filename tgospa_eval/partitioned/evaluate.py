@@ -203,6 +203,8 @@ def evaluate_partitioned(
         if check is not None:
             check(known, paths)
         evaluated = evaluate_parts(plan, blocks, work, share, stages)
+        if not share.tables:
+            stages.end_workers()
         with stopwatch.span("report"):
             result = _result(
                 known, axis, grid, plan, evaluated, blocks, stopwatch, work, run, assignments=kept

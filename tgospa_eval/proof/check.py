@@ -124,7 +124,9 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
     except verify_tgospa.DAMAGED as error:
         if isinstance(error, (ConfigError, InputError, MemoryError)):
             raise
-        raise InputError(f"{folder}: no whole proof: {type(error).__name__}: {error}") from None
+        raise InputError(
+            f"{folder}: not a complete proof: {type(error).__name__}: {error}"
+        ) from None
 
 
 def _folders(folder: str) -> list[str]:

@@ -81,7 +81,7 @@ def visible(text):
 def number(text):
     """Return the binary64 number nearest to a plain decimal, as numerator and denominator."""
     if len(text) > LENGTH or not PLAIN_NUMBER.fullmatch(text) or math.isinf(value := float(text)):
-        raise ValueError(f"{text!r:.80} is no plain decimal number in the range of binary64")
+        raise ValueError(f"{text!r:.80} is not a plain decimal number in the range of binary64")
     return value.as_integer_ratio()
 
 
@@ -125,7 +125,7 @@ class Folder:
     def read(self, name):
         """Return the bytes of a file of the folder itself."""
         if not (path := self.path / name).is_file():  # a device may have no end
-            raise FileNotFoundError(f"{name} is missing, or no file")
+            raise FileNotFoundError(f"{name} is missing, or is not a file")
         if path.resolve().parent != self.path.resolve():  # messages must not show files elsewhere
             raise ValueError(f"{name} is a link out of the folder: must be a file in it")
         if path.stat().st_size > LARGEST_FILE:
@@ -161,20 +161,20 @@ class Folder:
             parse_constant=number,
         )
         if not isinstance(proof, dict) or proof.get("schema") != SCHEMA:
-            raise ValueError(f"proof.json is no object with the schema {SCHEMA!r}")
+            raise ValueError(f"proof.json is not an object with the schema {SCHEMA!r}")
         check(proof, DOCUMENT, "proof.json")
         given = proof["parameters"]
         if (distance := given.get("distance")) not in EXTRAS:
-            raise ValueError(f"the distance {distance!r:.80} is none of ours")
+            raise ValueError(f"the distance {distance!r:.80} is unknown")
         check(columns := given.get("columns"), [str], "columns")
         if len(set(columns)) < len(columns) or (distance == "iou" and columns != BOXES):
-            raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
+            raise ValueError(f"the distance {distance} cannot have the columns {columns!r:.80}")
         each = {MAY: dict.fromkeys(columns, str)}
         kinds = {x: each if x in ("scale", "periodic") else ANY for x in EXTRAS[distance].split()}
         kinds |= dict.fromkeys(("rho", "masked", "held"), str)
         check(given, ALWAYS | {MAY: kinds}, "parameters")
         if given.get("masked", ", ".join(MARKS)) != ", ".join(MARKS):
-            raise ValueError(f"{given['masked']!r:.80} is no way to mask states")
+            raise ValueError(f"masked is {given['masked']!r:.80}: must be {', '.join(MARKS)}")
         tables = STATES if is_closed(given) else (*STATES, "distances.csv")
         check(proof["sha256"], dict.fromkeys(tables, str), "sha256")
         return proof
@@ -263,7 +263,7 @@ class ClaimedScene:
         self.all = sum(itertools.chain(*map(dict.values, price)))
         self.unjudged = [f"{[*of.values()].count(0)} of {len(of)}" for of in price]
         if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
-            raise ValueError("an object is there twice, or one time is spelt in two ways")
+            raise ValueError("an object is a duplicate, or one time is written in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
         if is_closed(given):
@@ -282,7 +282,7 @@ class ClaimedScene:
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
             if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
-                raise ValueError("distances.csv has a pair twice at one time")
+                raise ValueError("distances.csv has a duplicate pair at one time")
 
     def _lost(self, low, high, missed, false):
         """Return 1 less the gain P_i + P_j - w (d / c)^p of a pair, as integers around it."""
@@ -296,7 +296,7 @@ class ClaimedScene:
         for truth, estimate, t, distance in rows:
             k, (a, b) = self.step[t], number(distance)
             if a < 0 or (truth, k) not in sides[0] or (estimate, k) not in sides[1]:
-                raise ValueError(f"distances.csv has no pair of the tables at t = {t!r:.80}")
+                raise ValueError(f"distances.csv has a pair that the tables lack at t = {t!r:.80}")
             yield truth, estimate, k, a * base, b * top
 
     def _measured(self, folder, sides, scale, turn):
@@ -441,7 +441,7 @@ def main(arguments):
     except Wrong as error:
         text, status = error, 1
     except DAMAGED as error:
-        text, status = f"no whole proof folder: {type(error).__name__}: {error}", 3
+        text, status = f"not a complete proof folder: {type(error).__name__}: {error}", 3
     print(visible(f"{arguments[0]}: {text}"), file=sys.stderr if status else sys.stdout)
     return status
 

@@ -329,7 +329,7 @@ def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) ->
     Raises
     ------
     ConfigError
-        A proof folder has no place for what was evaluated.
+        A proof folder cannot hold what was evaluated.
     """
     compared = proof.compared
     check_provable(compared, proof.parameters)
@@ -386,21 +386,21 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
         ("max_speed", "a reach that grows with time"),
     ):
         if name in settings:
-            raise ConfigError(f"a proof folder has no place for {what}: leave one of them out")
+            raise ConfigError(f"a proof folder cannot hold {what}: leave one of the two out")
     if settings["distance"] not in verify_tgospa.EXTRAS:
         raise ConfigError(
-            f"a proof folder has no place for the distance {quoted(settings['distance'])}: it "
-            f"knows {', '.join(verify_tgospa.EXTRAS)}"
+            f"a proof folder cannot hold the distance {quoted(settings['distance'])}: it "
+            f"can hold {', '.join(verify_tgospa.EXTRAS)}"
         )
     if parameters.order > verify_tgospa.TOP_ORDER:
         raise ConfigError(
-            f"a proof folder has no place for the order {parameters.order:g}: at most "
+            f"a proof folder cannot hold the order {parameters.order:g}: at most "
             f"{verify_tgospa.TOP_ORDER} is checked"
         )
     for name in (*compared.labels.truths, *compared.labels.estimates, *compared.columns):
         if len(name) > csv.field_size_limit() or as_unicode(name) != name:
             raise ConfigError(
-                f"a proof folder has no place for the name {quoted(name)}: names are UTF-8, of at "
+                f"a proof folder cannot hold the name {quoted(name)}: names are UTF-8, of at "
                 f"most {csv.field_size_limit():,} characters"
             )
 

@@ -199,6 +199,9 @@ def rows(
     def plain(value: float) -> str:
         return number(value, 4)
 
+    def steps(value: float) -> str:
+        return f"{plain(value)} step{'s' * (value != 1)}"
+
     def late(shift: float) -> str:
         return f"{'late' if shift >= 0 else 'early'} by {time(abs(shift))}"
 
@@ -240,7 +243,7 @@ def rows(
             ("{} switches per object", n["switches_per_truth"], plain),
         ),
         "continuity": words(
-            ("longest run {} steps", n["longest_stretch"], plain),
+            ("longest run {}", n["longest_stretch"], steps),
             ("first followed after {}", n["time_to_first"], time),
             ("{} between breaks", n["mean_time_between_breaks"], time),
         )
@@ -249,7 +252,7 @@ def rows(
         "false tracks": words(
             ("{}", n["false_tracks"], plain),
             ("{} a step", n["false_tracks_per_step"], plain),
-            ("{} steps long", n["false_track_length"], plain),
+            ("{} long", n["false_track_length"], steps),
         ),
         "cardinality": words(
             ("error {} on average", n["cardinality_error"], plain),

@@ -487,7 +487,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
     Raises
     ------
     ConfigError
-        A proof folder has no place for what was evaluated.
+        A proof folder cannot hold what was evaluated.
     SolverError
         A checker finds that a folder does not prove what it claims.
     """
@@ -538,7 +538,7 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
     Raises
     ------
     ConfigError
-        The folder cannot be written, or holds files of others, or has no place for the result.
+        The folder cannot be written, or holds files of others, or cannot hold the result.
     SolverError
         A checker finds that it does not prove what it claims.
     """

@@ -118,7 +118,7 @@ def test_each_form_gives_the_same_number(
         ({"a": np.zeros((5, 2)), "b": np.zeros((4, 2))}, '"a" has the shape .*"b" .4, 2.'),
         ({"a": np.zeros((6, 2)), 1: ([1], np.zeros((1, 2)))}, "some tracks are pairs"),
         ({"a": ([1, 2], np.zeros((1, 2)))}, 'truth, track "a": 2 times and 1 states'),
-        ({"a": ([1, 1], np.zeros((2, 2)))}, 'id "a" is there twice at t = 1'),
+        ({"a": ([1, 1], np.zeros((2, 2)))}, 'id "a" is a duplicate at t = 1'),
         ({"a": ([1, "x"], np.zeros((2, 2)))}, "truth, row 1"),
         ({1: np.zeros((6, 2)), "1": np.zeros((6, 2))}, 'two tracks have the id "1"'),
         ({"": np.zeros((6, 2))}, "blank id"),

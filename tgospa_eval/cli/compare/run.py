@@ -104,7 +104,7 @@ def make_solvers(
     Raises
     ------
     ConfigError
-        A name is not that of a solver, a temperature is no number, or one is there twice.
+        A name is not that of a solver, a temperature is no number, or one is a duplicate.
     """
     limits = {"time_limit": request.time_limit}
     sweeping = {"gap": request.gap, "jobs": request.jobs, **limits}

@@ -1,4 +1,4 @@
-"""``evaluate`` of data in parts: what has no place there, progress, Ctrl-C, the result."""
+"""``evaluate`` of data in parts: what is not supported there, progress, Ctrl-C, the result."""
 
 import hashlib
 import json

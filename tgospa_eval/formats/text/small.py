@@ -51,7 +51,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     Raises
     ------
     InputError
-        The file is missing, has other columns, a row is wrong, or a time is there twice.
+        The file is missing, has other columns, a row is wrong, or a time is a duplicate.
     """
     lines, rows = rows_of(unpack(load(path), path), path, decimal, even=True)
     names = [name.strip().lower() for name in rows[0]] if rows else []
@@ -89,7 +89,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     again = repeated(times.value)
     if again is not None:
         later, before, count = again
-        what = f"t = {columns[time][later]} is there twice{more(count)}"
+        what = f"t = {columns[time][later]} is a duplicate{more(count)}"
         remedy = f"first on line {lines[1 + before]}; give each step one row"
         raise wrong(later, time, f"{what}, {remedy}")
     cost = weights("weight")
