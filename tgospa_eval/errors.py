@@ -35,7 +35,7 @@ class TgospaError(Exception):
     Parameters
     ----------
     *lines : str
-        The message, made visible: what it quotes begins no line and is no command of a terminal.
+        Lines of the message. Quoted text cannot begin a line or send commands to a terminal.
     """
 
     exit_status = ExitStatus.NOT_REACHED
@@ -48,17 +48,17 @@ class TgospaError(Exception):
 
 
 class ConfigError(TgospaError, ValueError):
-    """An option or argument has no meaning; the message names it and what would be right."""
+    """Error in an option or argument; the message names it and allowed values."""
 
     exit_status = ExitStatus.WRONG_OPTION
 
 
 class MemoryTooSmallError(ConfigError):
-    """The memory that is allowed is too small; work with another amount begins anew."""
+    """Error that the allowed memory is too small; with another limit the work begins again."""
 
     @property
     def reason(self) -> str:
-        """The first part of the message, without the advice."""
+        """First part of the message, without the advice."""
         return str(self).partition("; ")[0]
 
 
@@ -68,7 +68,7 @@ def real_number(name: str, value: object) -> float:
     Raises
     ------
     ConfigError
-        It is no number.
+        The value is not a number.
     """
     if isinstance(value, bool | str | bytes):
         raise ConfigError(f"{name} is {value!r}: must be a number")
@@ -84,7 +84,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
     Raises
     ------
     ConfigError
-        It is no whole number, or out of that range.
+        The value is not a whole number, or out of its limits.
     """
     try:
         number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
@@ -97,11 +97,11 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Filters leave no row of either file: wrong for one pair, a total of 0 for one of many."""
+    """Error that filters leave no row of either file; one of many pairs has the total 0 instead."""
 
 
 class InputError(TgospaError, ValueError):
-    """An input file or table is wrong; the message says where, what and the remedy."""
+    """Error in an input file or table; the message has place, error and remedy."""
 
     exit_status = ExitStatus.WRONG_INPUT
 
@@ -122,10 +122,10 @@ def check_size(what: str, count: int) -> None:
 
 
 class TgospaWarning(UserWarning):
-    """Warning about data that look wrong: see `Result.warnings`."""
+    """Warning about data that look wrong, as in `Result.warnings`."""
 
 
 class SolverError(TgospaError, RuntimeError):
-    """A solver failed and left no usable answer."""
+    """Error of a solver that gave no usable answer."""
 
     exit_status = ExitStatus.NOT_REACHED

@@ -94,21 +94,20 @@ Notify = Callable[[str], object]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Batch(StudyReport):
-    """Result of `batch`; printed it is the table of the command.
+    """Result of `batch`; it prints as the table of the command.
 
     Parameters
     ----------
     tables : BatchTables
         Sums of groups, and their order.
     faults : tuple of str
-        What is wrong with jobs, a line for each.
+        Errors of jobs, one line each.
     store : Store
-        Where it is stored.
+        The store with the rows of jobs.
     page : bool
-        Whether its page is to be written: of shards more is to come, and where nothing is new it
-        is there.
+        Whether the page must be written. It need not be for a shard, or if no job is new.
     notices : tuple of str
-        What else the user should know.
+        Further messages for the user.
     status : int
         Exit status.
     """
@@ -127,12 +126,12 @@ class Batch(StudyReport):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the data of jobs, a line a kind, and about the order."""
+        """Warnings about the data of jobs, one line a kind, and about the order of trackers."""
         return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
     def groups(self) -> "pd.DataFrame":
-        """A row for each group, costs added."""
+        """A row for each group, with the sums of its costs."""
         return self.tables.groups
 
     def __str__(self) -> str:
@@ -142,7 +141,7 @@ class Batch(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair that is ranked: its proven order, and the test of the difference."""
+        """A row for each pair of trackers: its proven order, and the test of the difference."""
         import pandas as pd  # lazy: slow to import
 
         rankings = self.tables.rankings
@@ -152,7 +151,7 @@ class Batch(StudyReport):
 
     @property
     def curves(self) -> "pd.DataFrame":
-        """A row for each group, kind of curve and time, as ``curve.csv``; of `per_step`."""
+        """A row for each group, kind of curve and time, as in ``curve.csv``; needs `per_step`."""
         return as_frame(curves_columns(self.tables.curves))
 
     @property
@@ -170,7 +169,7 @@ class Batch(StudyReport):
         return self.groups
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        """Return the report in a ``--format``, with the columns of ``--columns-of-table``."""
         return batch_report(replace(self.tables, columns=checked_columns(columns)), format)
 
     def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -222,7 +221,7 @@ def batch(
 ) -> Batch:
     """Evaluate many pairs, of files or in memory, as ``tgospa-eval batch`` does.
 
-    What is stored in `output` is not done again.
+    Jobs that are stored in `output` are not evaluated again.
 
     Parameters
     ----------
@@ -230,35 +229,35 @@ def batch(
         A manifest; or the folders of truth and trackers, with `layout`; or `truth` and `estimate`
         in memory.
     output : str or path, optional
-        The store; without one nothing is kept but what is returned.
+        Folder of the store. Without it, rows are only returned.
     truth, estimate : str, or sides in memory, optional
-        In the place of `paths`: patterns with fields, ``"gt/{run}.csv"``. Or runs: a list of sides
-        as for `evaluate`, an array (runs, T, k, d), a pair of times and such, a table with a column
-        ``run``; one truth for all or one for each; of estimates also a mapping from tracker to
-        runs. Jobs have the labels ``tracker`` and ``run`` then.
+        Instead of `paths`, patterns with fields: ``"gt/{run}.csv"``. Or runs in memory: a list of
+        sides as for `evaluate`, an array (runs, T, k, d), a pair of times and such an array, or a
+        table with a column ``run``. The truth may be one side for all runs; the estimate may be a
+        mapping from tracker to runs. Jobs of runs have the labels ``tracker`` and ``run``.
     mapping : sequence of int, or pair of such, optional
-        Of runs in memory as for `evaluate`.
+        Components to compare in runs in memory, as in `evaluate`.
     layout : {"motchallenge", "kitti"}, optional
-        How the two folders are laid out.
+        Layout of the two folders.
     seqmap : str or path, optional
-        Of a layout only the sequences in this file.
+        File with the sequences of a layout to evaluate.
     by : str or iterable of str
-        Labels by which tables add up; the first by default.
+        Labels by which rows are added up; by default the first label.
     workers : int, optional
-        Processes; as many as there are cores by default.
+        Number of processes; by default the number of cores.
     scheduler : str, optional
-        Address of a Dask cluster to use instead.
+        Address of a Dask cluster that evaluates the jobs instead of local processes.
     allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
-        As the options of the command.
+        Options of the command with the same names.
     band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
         Bands around the curves of `per_step`.
     over : {"start", "stamps"}, optional
-        Time of these curves: since the start of each run, or its stamps.
+        Time axis of the curves: time since the start of each run, or timestamps.
     with_, slices : str or iterable of str
-        As for `evaluate`.
+        Other metrics and slices, as in `evaluate`.
 
-    Options of the evaluations are texts and numbers, as the store keeps them: no records, matrices
-    or tables.
+    Options of evaluations must be texts or numbers, which the store can keep; records, matrices and
+    tables are refused.
 
     Returns
     -------
@@ -273,7 +272,7 @@ def batch(
     Raises
     ------
     ConfigError, InputError
-        An option or the manifest is wrong, or files are missing; nothing is begun then.
+        An option or the manifest is wrong, or files are missing; no job is begun.
     """
     given = dict(locals())  # before any other local variable: the options of batch by their names
     chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
@@ -344,12 +343,12 @@ def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
 def evaluate_batch(
     paths: tuple[str, ...], batch: BatchOptions, notify: Notify, plan: BatchPlan | None = None
 ) -> Batch:
-    """Do what is not done yet, of the jobs that the options name or of a plan.
+    """Evaluate the jobs of the options, or of a plan, that are not stored yet.
 
     Raises
     ------
     TgospaError
-        Something is wrong with options, the manifest or the store; no job is begun then.
+        An option, the manifest or the store is wrong; no job is begun.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
     _check_options(batch)
@@ -515,12 +514,12 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """Return number and count of the shards.
+    """Return the number of a shard and the count of all shards.
 
     Raises
     ------
     ConfigError
-        It is no K/N.
+        The text is not K/N.
     """
     first, slash, last = (text or "1/1").partition("/")
     number, count = (parsed_whole(part) or 0 for part in (first, last))
@@ -530,7 +529,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """Yield the jobs with their own options and their keys; shared values are there once."""
+    """Yield the jobs with their own options and their keys; they share equal values."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)
@@ -682,7 +681,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
 
 
 def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
-    """Return the tables by the labels of --by, or by the first; with stored curves."""
+    """Return the tables by the labels of ``--by``, or by the first label, with stored curves."""
     requested = grouped(batch.by, label_names(rows))
     by = requested or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
@@ -710,7 +709,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
 
 
 def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
-    """Return the result folder of a job, by labels and options of its own."""
+    """Return the result folder of a job, which its labels and options determine."""
     parts = [folder_name(as_unicode(value)) for value in labels.values()]
     parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
     return os.path.join(store, REPORT_FOLDER, *parts)
@@ -723,20 +722,20 @@ def batch_files(
     wanted: "Pictures | None" = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> Files:
-    """Return the files by name; `notify` gets what is made next and the share that is done.
+    """Return the files of the report by name.
 
     Parameters
     ----------
     store : Store
-        Has the settings, and the reports of jobs.
+        Store with the settings and the reports of jobs.
     tables : BatchTables
-        What is shown.
+        Tables to show.
     target : str
-        The folder that they are for.
+        Folder to which the files will be written.
     wanted : Pictures, optional
-        The pictures that are asked for.
+        Requested pictures.
     notify : callable
-        Gets what is made next, and the share that is done.
+        Callable that receives the name of the next file and the share of the work that is done.
     """
     from tgospa_eval.show.html import batch_page  # lazy: only where it is written
 

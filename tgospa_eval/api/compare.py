@@ -79,7 +79,7 @@ def swept_parameters(
     Raises
     ------
     ConfigError, InputError
-        As of an evaluation; there is no value, one is repeated or out of its range.
+        An evaluation raises it; or a value is missing, repeated or out of range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
@@ -97,7 +97,7 @@ def sweep_sides(
     *,
     mapping: "Components | None" = None,
 ) -> Sweep:
-    """Read both sides once, and evaluate them at each point; arguments as of `read_sides`."""
+    """Read both sides once, and evaluate them at each point; see `read_sides` for arguments."""
     read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
     points = sweep_fitted(
         read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
@@ -119,19 +119,19 @@ def sweep(
 ) -> Sweep:
     """Compute TGOSPA over a range of one parameter, each point with proven bounds.
 
-    Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
-    else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
-    once, and over `rho`, which changes no optimal assignment while all is judged, the problem is
-    solved once.
+    Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values. All other
+    arguments are those of `evaluate`, and each point equals a result of `evaluate`. The near pairs
+    are searched once. The problem is solved once for all values of `rho` if no state is ignored,
+    because `rho` does not change the optimal assignment then. A time limit holds for each point.
 
     Parameters
     ----------
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
         As for `evaluate`.
     cutoff, order, switch_penalty, rho : float or sequence of float
-        One of them is a sequence, in any order, without repetitions.
+        Exactly one is a sequence, in any order, without repetitions.
     mapping : sequence of int, or pair of such, optional
-        As for `evaluate`. A time limit holds for each point.
+        Components to compare, as in `evaluate`.
 
     Returns
     -------
@@ -141,12 +141,12 @@ def sweep(
     Warns
     -----
     TgospaWarning
-        As `evaluate`, for a value in the middle.
+        `evaluate` warns for a value in the middle.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        As for `evaluate`; none or several of the four are sequences; a value is repeated.
+        `evaluate` raises it; none or several of the four are sequences; or a value is repeated.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -184,35 +184,35 @@ class Compared(StudyReport):
     Parameters
     ----------
     document : dict
-        The document of ``--format json``.
+        Document of ``--format json``.
     entrants : mapping of str to sequence of RunOutcome
-        The ranked estimates with their costs per step; empty for solvers.
+        Ranked estimates with their costs per step; empty for solvers.
     """
 
     document: Json
     entrants: ranking.Entrants = field(default_factory=dict)
 
     def table(self) -> "pd.DataFrame":
-        """Return a row for each estimate, the best first, or for each solver."""
+        """Return a row for each estimate, best first, or for each solver."""
         return as_frame(COLUMNS[self.document["kind"]](self.document))
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of estimates: the proven order, and the second less the first."""
+        """A row for each pair of estimates: proven order, and difference second minus first."""
         return as_frame(pairs_columns(self.document) if self.document.get("pairs") else {})
 
     @property
     def curves(self) -> "pd.DataFrame":
-        """Costs of each step, run and estimate, and what they are above those of the best."""
+        """Costs of each step, run and estimate, and their excess over the best estimate."""
         return as_frame(self.curves_columns() if self.entrants else {})
 
     def curves_columns(self) -> Columns:
-        """Return the same as columns: ``per_step.csv``."""
+        """Return the columns of ``per_step.csv``: costs of each step, run and estimate."""
         return ranking.steps_columns(self.entrants, self.document["estimates"][0]["name"])
 
     @property
     def plot_data(self) -> object:
-        """Data of the pictures: the document, or times and costs of steps, the best first."""
+        """Data of the pictures: the document, or times and costs of steps, best first."""
         if not self.entrants:
             return self.document
         times, costs = ranking.steps_costs(self.entrants)
@@ -234,11 +234,11 @@ class Compared(StudyReport):
     __repr__ = __str__
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report as ``--format`` prints it; `columns` as of ``--columns-of-table``."""
+        """Return the report in a ``--format``, with the columns of ``--columns-of-table``."""
         return re.sub(COMMAND, "", render(self.document, format, checked_columns(columns)))
 
     def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot the cost of all steps so far, mean over the runs, a line for each estimate."""
+        """Plot the cumulative cost, averaged over the runs, with a line for each estimate."""
         return self._plot("cumulative", **options)
 
     def plot_time_over_error(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -271,15 +271,15 @@ def compare(
     Parameters
     ----------
     truth : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As for `evaluate`; or runs, one for each run of the estimates.
+        A side as for `evaluate`; or one for each run of the estimates.
     estimates : mapping from name to estimate or runs, list of paths, or runs of one estimate
-        Estimates to rank, each as for `evaluate`; files are called by their paths. Runs are a list
-        of such, an array (runs, T, k, d), a pair of times and such, a table with a column ``run``.
-        With `solvers` a single estimate.
+        Estimates to rank, each as for `evaluate`; a file has its path as name. Runs are a list of
+        sides, an array (runs, T, k, d), a pair of times and such an array, or a table with a column
+        ``run``. With `solvers`, a single estimate.
     cutoff, order, switch_penalty, mapping
-        As for `evaluate`, as all others.
+        Parameters of `evaluate`, like all other options.
     solvers : sequence of str or solver record
-        Solvers to compare on one estimate, one after the other.
+        Solvers to compare on one estimate.
 
     Returns
     -------
@@ -289,12 +289,12 @@ def compare(
     Warns
     -----
     TgospaWarning
-        As `evaluate`.
+        `evaluate` warns about the data.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        As for `evaluate`; there is no estimate, or a solver is a duplicate.
+        `evaluate` raises it, there is no estimate, or a solver is a duplicate.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -359,22 +359,22 @@ def _named(estimates: object) -> "Mapping[str, Any]":
 
 
 class PairReader:
-    """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
+    """Reader that makes problems of pairs of truth and estimate.
 
-    The truth of several that follow each other is read once.
+    Each notice is given once. Successive pairs with the same truth share one reading of it.
 
     Parameters
     ----------
     settings : ResolvedRequest
         How to read and evaluate.
     stopwatch : Stopwatch
-        Gets the time by stage.
+        Clock that records the time by stage.
     notify : callable
-        Gets notices.
+        Callable that receives notices.
     mapping : sequence of int, or pair of such, optional
-        As of `evaluate`.
+        Components to compare, as in `evaluate`.
     warnings_only : bool
-        Whether only warnings are given.
+        Whether to pass on warnings alone.
     """
 
     def __init__(
@@ -395,13 +395,13 @@ class PairReader:
 
     @property
     def warnings(self) -> list[dict[str, str]]:
-        """Warnings that were given."""
+        """Warnings so far."""
         return [notice.record() for notice in self.shown if notice.code]
 
     def prepared(
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
     ) -> PreparedPair:
-        """Return the problem of two sides; notices about both bear the name, if it is given."""
+        """Return the problem of two sides; notices begin with `name`, if it is given."""
         of_file = tuple(f"{path}: " for path in display_names((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
@@ -447,21 +447,21 @@ def ranked(
     Parameters
     ----------
     pairs : PairReader
-        Makes the problems.
+        Reader of the pairs.
     runs : sequence of (truth, sequence of estimates)
-        Of each run.
+        Truth and estimates of each run.
     names : sequence of str
-        What the estimates are called.
+        Names of the estimates.
     solver : Solver
-        Of all.
+        Solver of all problems.
     per_step, with_ : bool, sequence of str
-        Whether per-step GOSPA is shown beside, and which other metrics.
+        Whether to show per-step GOSPA too, and names of other metrics to show.
 
     Returns
     -------
     tuple
-        The document and the entrants. If it was interrupted: of the runs that are whole, or of
-        what there is of the first.
+        The document and the entrants. After an interruption they have the finished runs, or the
+        finished estimates of the first run.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}
@@ -500,7 +500,7 @@ def solvers_on(
     *,
     spare: bool = False,
 ) -> Json:
-    """Run several solvers on one pair; `spare` leaves out a referee that would take minutes."""
+    """Run several solvers on one pair; `spare` omits an exact reference that takes minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
     states = solver_runs.takes_long(prepared) if spare else None
@@ -527,12 +527,12 @@ HEAD = ("files", "input", "parameters", "warnings", "with")
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Return whether these are saved results, or patterns of such, rather than files.
+    """Return whether the arguments are saved results, or patterns of them, and not data files.
 
     Raises
     ------
     ConfigError
-        Some are and others are not, or it is a single one.
+        Results and data files are mixed, or there is only one result.
     """
     first = [first_file(path) if is_pattern(path) else path for path in paths]
     saved = [name is not None and saved_result(name) is not None for name in first]
@@ -557,8 +557,8 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     Raises
     ------
     TgospaError
-        Patterns do not fit each other, a result is wrong or a duplicate, or is of another truth or
-        other parameters than the first.
+        Patterns do not fit each other, or a result is wrong, is a duplicate, or differs from the
+        first in its truth or its parameters.
     """
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):

@@ -48,16 +48,16 @@ def evaluate(
 ) -> Result:
     """Compute TGOSPA between two sets of trajectories, with proven bounds.
 
-    Every option of ``tgospa-eval evaluate`` is a keyword, by its name.
+    Every option of ``tgospa-eval evaluate`` is also a keyword.
 
     Parameters
     ----------
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        A file, or what `read_trajectories` made of one; a table of pandas, Polars or another that
-        Arrow knows, in the long form ``id, t, x[, y[, z]]``; an array or tensor (T, k, d) with NaN
-        for absent, or a pair ``(times, array)``; a mapping from id to an array (T, d), or to a
-        pair ``(times, array)``; tracks or ground-truth paths of Stone Soup (see `mapping`).
-        The columns of arrays and tables are assumed to be those of the distance.
+        A file, or the result of `read_trajectories`; a table of pandas, Polars or another library
+        with the Arrow interface, in the long form ``id, t, x[, y[, z]]``; an array or tensor
+        (T, k, d) with NaN where an object is absent, or a pair ``(times, array)``; a mapping from
+        id to an array (T, d) or to a pair ``(times, array)``; tracks or ground-truth paths of Stone
+        Soup (see `mapping`). Arrays and tables have the state columns that the distance needs.
     cutoff : float, optional
         c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
     order : float
@@ -65,35 +65,37 @@ def evaluate(
     switch_penalty : float, optional
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     mapping : sequence of int, or pair of such, optional
-        Components of state vectors to compare, for tracks that have such: ``(0, 2)`` for x and y of
-        ``(x, vx, y, vy)``; a pair where truth and estimate have theirs in other places.
+        Components to compare, for tracks with state vectors: ``(0, 2)`` selects x and y of
+        ``(x, vx, y, vy)``. A pair of such sequences selects different components of truth and
+        estimate.
     memory : str or float, optional
-        Memory that the evaluation may take, ``"4GB"``, or a number of GB; half of the machine's by
-        default. Where both sides are paths, folders of Parquet or CSV files, and files that would
-        take more, are read and evaluated in parts, by as many processes as `jobs` says.
+        Largest memory of the evaluation, ``"4GB"`` or a number of GB; by default half of the memory
+        of the machine. Folders of Parquet or CSV files, and files that would take more memory, are
+        evaluated in parts by up to `jobs` processes, if both sides are paths.
     scheduler : str, optional
-        For data in parts: address of a Dask cluster, whose workers take the place of processes.
+        Address of a Dask cluster that evaluates data in parts instead of local processes.
 
     Returns
     -------
     Result
-        Value, its lower and upper bound, its parts, tables; with ``by="class"`` a `ByClass`, the
-        sum over classes; of data in parts a `ResultInParts`, whose tables are temporary files.
+        The value with its lower and upper bound, its parts, and tables. With ``by="class"`` it is a
+        `ByClass`, the sum over classes. For data in parts it is a `ResultInParts`, whose tables are
+        temporary files.
 
     Warns
     -----
     TgospaWarning
-        Data look wrong: see `Result.warnings`.
+        Data look wrong; `Result.warnings` has the same warnings.
 
     Raises
     ------
     ConfigError
-        A parameter is out of range, a name is unknown, or an option is not for such data.
+        A parameter is out of range, a name is unknown, or the data do not support an option.
     InputError
-        A file is wrong, or the two sides do not fit: other columns, other kinds of time, states
-        out of range.
+        A file is wrong, states are out of range, or the two sides differ in their columns or in
+        their kind of time.
     TypeError
-        There is no such keyword.
+        A keyword is unknown.
     """
     given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
     limit = None if memory is None else parsed_size(memory)
@@ -122,15 +124,15 @@ class TrackPair:
     Parameters
     ----------
     read : pair of Reading
-        As they were read.
+        Both sides as they were read.
     fitted : AlignedPair
-        The same, on one grid.
+        Both sides on one time grid.
     request : EvaluationRequest
-        What is asked of them.
+        What to compute.
     files : dict
-        Paths of truth and estimate; None of what is no file.
+        Paths of truth and estimate; None for a side in memory.
     said : tuple of Notice
-        Warnings about the data, how they were read, and parameters that have their defaults.
+        Warnings about the data, and notices of how the sides were read and of defaults in use.
     """
 
     read: tuple[Reading, ...]
@@ -176,17 +178,17 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Takes what the user should know. If omitted, messages name keywords of Python and not
-        options of the command line.
+        Callable that receives messages for the user. Without it, messages name keywords of Python
+        instead of options of the command line.
     mapping : sequence of int, or pair of such, optional
-        Components of state vectors to compare, for tracks that have such.
+        Components to compare, for tracks with state vectors.
     known : dict, optional
-        The last truth by its path, for several estimates of it: it is read once.
+        The last truth by its path, so that several estimates share one reading of the truth.
 
     Raises
     ------
     TgospaError
-        Something is wrong with the sides, or the options do not fit them.
+        A side is wrong, or the options do not fit the sides.
     """
     given = (truth, estimate)
     with stopwatch.span("read"):
@@ -224,9 +226,9 @@ def noticed(
 def evaluate_sides(
     resolved: ResolvedRequest, sides: TrackPair, stopwatch: Stopwatch, notify: Notify | None = None
 ) -> Result | ByClass:
-    """Solve, prove and report; of each class by itself, if that is asked for.
+    """Solve, prove and report, for each class separately if the request says so.
 
-    `notify` takes what the solution shows.
+    `notify` receives the warnings of the solution.
     """
     result: Result | ByClass
     if resolved.reading.by_class:
@@ -251,18 +253,18 @@ def evaluate_pair(
     stopwatch: Stopwatch,
     files: Sequence[Json] | None = None,
 ) -> Result:
-    """Build the problem of two sides, solve it, certify the solution, and add what is asked for.
+    """Build the problem of two sides, solve it, certify the solution, and add requested extras.
 
     Parameters
     ----------
     aligned : AlignedPair
-        Truth and estimate, aligned, and their distance.
+        Truth and estimate on one time grid, and their distance.
     request : EvaluationRequest
-        Everything else.
+        What to compute.
     stopwatch : Stopwatch
         Running clock with the time of reading.
     files : pair of dict, optional
-        The two files, as of `input_record`.
+        Records of the two files, by `input_record`.
     """
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None

@@ -54,20 +54,20 @@ SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_st
 class Evaluations:
     """Numbers of many pairs; ``[run]`` makes the `Result` of one pair.
 
-    For that, the sides are kept as they were given, and read again.
+    The sides are kept as they were given, and read again for a `Result`.
 
     Parameters
     ----------
     runs : tuple of str
         Names of the pairs, in order.
     rows : tuple of dict
-        Numbers of each, by column.
+        Numbers of each pair, by column.
     warnings : tuple of Notice
-        Warnings, each text once, with the runs that it is about.
+        Warnings, each text once, with the runs that have it.
     pairs : tuple of pairs
-        Truth and estimate of each, as they were given.
+        Truth and estimate of each pair, as they were given.
     resolved, mapping : ResolvedRequest, sequence
-        How they are read and evaluated.
+        How the pairs are read and evaluated.
     """
 
     runs: tuple[str, ...]
@@ -104,9 +104,9 @@ class Evaluations:
         return result
 
     def table(self) -> "pd.DataFrame":
-        """Return a row for each pair: values, bounds, parts and counts as of `Batch.rows`.
+        """Return a row for each pair: values, bounds, parts and counts as in `Batch.rows`.
 
-        ``warnings`` are the codes of what looks wrong.
+        Column ``warnings`` has the codes of the warnings.
         """
         return as_frame({name: [row[name] for row in self.rows] for name in self.rows[0]})
 
@@ -133,44 +133,45 @@ def evaluate_many(
     jobs: int | None = None,
     **options: "Unpack[EvaluateManyOptions]",
 ) -> Evaluations:
-    """Compute TGOSPA of many pairs, with the values and bounds that `evaluate` proves of each.
+    """Compute TGOSPA of many pairs, with the same values and bounds as `evaluate`.
 
     Small pairs are searched, reduced and certified together, which takes a fraction of the time
-    of a loop; pairs that need more are evaluated by themselves. Bits are the same.
+    of a loop. Other pairs are evaluated one by one. The results equal those of `evaluate` bit by
+    bit.
 
     Parameters
     ----------
     truth : sequence of pairs, mapping, sequence of sides, array or table
-        Without `estimate` pairs of truth and estimate, or a mapping from names to such pairs. With
-        it the truth of each run: a sequence, an array (runs, T, k, d) or a table with a column
-        ``run``; or one side that is the truth of all.
+        Without `estimate`: pairs of truth and estimate, or a mapping from names to such pairs. With
+        `estimate`: the truth of each run, as a sequence, an array (runs, T, k, d) or a table with a
+        column ``run``; or one side that is the truth of all runs.
     estimate : sequence of sides, array or table, optional
         The estimates of the same runs.
     cutoff, order, switch_penalty : float, optional
-        As of `evaluate`.
+        Parameters of `evaluate`.
     mapping : sequence of int, or pair of such, optional
-        As of `evaluate`.
+        Components to compare, as in `evaluate`.
     jobs : int, optional
-        Processes for work of more than some seconds; as many as there are cores by default.
+        Number of processes for work of more than some seconds; by default the number of cores.
 
     Returns
     -------
     Evaluations
-        The table of all, and the result of each on request.
+        The table of all pairs; ``[run]`` makes the `Result` of one pair.
 
     Warns
     -----
     TgospaWarning
-        Something looks wrong with the data, each text once.
+        Data look wrong; each text is given once.
 
     Raises
     ------
     ConfigError
         A parameter is out of range, or a name is unknown.
     InputError
-        A side is wrong, the sides of a pair do not fit, or sides have other runs than others.
+        A side is wrong, the sides of a pair do not fit, or truth and estimate have different runs.
     TypeError
-        There is no such keyword.
+        A keyword is unknown.
 
     Examples
     --------

@@ -59,7 +59,7 @@ PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kin
 
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
-    """Return the options of a pair that are no defaults, by field."""
+    """Return the options of a pair that differ from the defaults, by field."""
     inherited = dict(entry["options"]) if entry else {}
     for key in (key for key in PATHS_GIVEN if inherited.get(key)):
         inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
@@ -84,18 +84,18 @@ def judge_all(
 ) -> Report:
     """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
 
-    Of a store nothing is solved: what was proven is compared.
+    The jobs of a store are not solved again: their proven bounds are compared.
 
     Parameters
     ----------
     gate : GateOptions
-        What to judge by.
+        Rules and baseline.
     truth, estimate : str, optional
-        Two files; or the store that is judged, with another one in front that is the baseline.
+        Two files; or the store of the baseline, if one is given, and the store to judge.
     notify : callable
-        Gets lines for the user.
+        Callable that receives lines for the user.
     run : callable, optional
-        Runs the work of a pair in this process; by default it is called.
+        Callable that runs the work of a pair in this process; by default the work is just called.
 
     Raises
     ------
@@ -394,14 +394,14 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
 
 
 def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
-    """Return a baseline of a file, or of the jobs of a store that have a value; None without it.
+    """Return the baseline of a file, or of the jobs of a store with a value; None without one.
 
-    `renewed` says which entries are made anew: these may be in conflict.
+    The entries that match `renewed` are replaced later, so these may have a merge conflict.
 
     Raises
     ------
     ConfigError, InputError
-        It cannot be read, or is no baseline of this version.
+        The file cannot be read, or is not a baseline of this version.
     """
     if not is_store(path):
         return load(path, renewed)
@@ -503,12 +503,12 @@ class GateResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes for the user: reasons, remedies."""
+        """Notes for the user: reasons and remedies."""
         return tuple(note for outcome in self.report.outcomes for note in outcome.notes)
 
     @cached_property
     def findings(self) -> "pd.DataFrame":
-        """A row for each rule: value, limit, verdict; of a suite of each pair and group."""
+        """A row for each rule with value, limit and verdict; in a suite for each pair and group."""
         import pandas as pd  # lazy: slow to import
 
         records = [
@@ -554,7 +554,7 @@ def gate(
 ) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
 
-    It fails only if the proven lower bound breaks a rule, and passes only if the proven upper bound
+    A rule fails only if the proven lower bound breaks it, and passes only if the proven upper bound
     keeps it.
 
     Parameters
@@ -562,14 +562,14 @@ def gate(
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
         As for `evaluate`.
     baseline : str or path, optional
-        The JSON file that an update makes; the command reads and makes the same. A suite may name
-        its own.
+        JSON file that an update writes; the command uses the same file. A suite may name its own
+        baseline.
     suite : str or path, optional
-        TOML file that lists several pairs of files, instead of `truth` and `estimate`.
+        TOML file with several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
-        Git revision or folder whose suite, baseline, truths and configuration judge.
+        Git revision or folder that provides suite, baseline, truths and configuration.
     newer_than : str or path, optional
-        A file or a time; estimates of a suite that are older fail.
+        A file or a time; older estimates of a suite fail.
     fail_on : str or iterable of str
         Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
@@ -577,25 +577,27 @@ def gate(
     limits : mapping of str to float, optional
         Largest values that do not depend on the baseline: ``{"tgospa": 50.0}``.
     group : str, optional
-        Labels of a suite by which pairs are added up, and the sums judged: ``"scenario"``.
+        Labels of a suite, such as ``"scenario"``; pairs are added up by these labels and the sums
+        are judged.
     confidence : float, optional
-        Of conclusions from runs with other seeds; 0.975 by default.
+        Confidence of conclusions from runs with different seeds; 0.975 by default.
     seed_label : str, optional
         Label in which the runs of one scene differ; ``"seed"`` by default.
     update_baseline : bool
-        Whether to make the baseline, or to replace it, instead.
+        Whether to write the baseline instead of judging.
     add : bool
-        Whether an update keeps what the baseline has: the limit is then judged against the mean of
+        Whether an update adds a night to those of the baseline; rules then compare with the mean of
         up to 10 nights.
     only : str or iterable of str
-        Patterns of the pairs of a suite whose entries an update renews.
+        Patterns of the pairs of a suite whose entries are updated.
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group above its limit fails although its seeds may be the reason.
+        Whether a group above its limit fails even if its seeds may be the reason.
 
-    An option that is not given is that of the baseline or the suite, and else as for `evaluate`.
-    Options of a suite are texts and numbers: no records, matrices or tables.
+    An option that is omitted comes from the baseline or the suite, else from the defaults of
+    `evaluate`. Options of a suite must be texts or numbers; records, matrices and tables are
+    refused.
 
     Returns
     -------
@@ -605,9 +607,9 @@ def gate(
     Raises
     ------
     ConfigError, InputError
-        As for `evaluate`; a rule is wrong, or the baseline or the suite cannot be read.
+        An evaluation raises it, a rule is wrong, or the baseline or the suite cannot be read.
     TypeError
-        Neither two sides and a baseline nor a suite are given, or limits are no mapping.
+        Neither two sides with a baseline nor a suite are given, or `limits` is not a mapping.
     """
     given = dict(locals())  # before any other local variable: the options of gate by their names
     if not isinstance(limits, Mapping | None):

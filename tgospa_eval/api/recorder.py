@@ -33,7 +33,7 @@ PARTICLES = 3
 
 
 class Recorder:
-    """Collects truth and estimate frame by frame in a loop, and evaluates them at any time.
+    """Recorder that collects truth and estimate frame by frame, and evaluates them at any time.
 
     The time of an update depends only on the number of its own objects.
 
@@ -76,23 +76,23 @@ class Recorder:
         Parameters
         ----------
         t : number, datetime or ISO text
-            Its time, later than that of the update before.
+            Time of the frame; later than the time of the frame before.
         truth_ids, estimate_ids : sequence of m, of n ids
-            Texts or numbers, each at most once.
+            Texts or numbers, without duplicates.
         truth, estimate : (m, d), (n, d) array or tensor
-            States in the order of the ids; they are copied. NaN means absent. Or particles: arrays
-            (N, d) for each id, of one size (n, N, d) or not.
+            States in the order of the ids; they are copied. NaN means absent. Or particles: an
+            array (N, d) for each id, where N may differ.
         truth_covariances, estimate_covariances : (m, d, d), (n, d, d) array, optional
             Covariances of the states.
         truth_weights, estimate_weights : (m, N), (n, N) array, optional
-            Weights of the particles, brought to the sum 1; equal by default.
+            Weights of the particles, scaled to the sum 1; equal by default.
 
         Raises
         ------
         InputError
-            An id is a duplicate, the time does not increase, or the number of ids differs from that
-            of states, covariances or weights; or the states have another number of components, or
-            another kind (points, Gaussians, particles), than before. Nothing is kept then.
+            An id is a duplicate, the time does not increase, the numbers of ids and of states,
+            covariances or weights differ, or the states have another number of components or
+            another kind (points, Gaussians, particles) than before. The frame is not kept.
         """
         t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # a tensor
         where = f"update at t = {t}"
@@ -157,17 +157,17 @@ class Recorder:
         Parameters
         ----------
         **options
-            As for `tgospa_eval.evaluate`: ``cutoff``, ``order``, ``switch_penalty`` ...
+            Options of `tgospa_eval.evaluate`: ``cutoff``, ``order``, ``switch_penalty`` ...
 
         Returns
         -------
         Result
-            As of `tgospa_eval.evaluate`.
+            Result of `tgospa_eval.evaluate`.
 
         Raises
         ------
         ConfigError, InputError
-            As for `tgospa_eval.evaluate`.
+            `tgospa_eval.evaluate` raises it.
         """
         columns = as_distance(options.get("distance")).columns
         truth, estimate = (self._trajectories(name, columns) for name in ROLES)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tgospa_eval.show.charts import Place
 
     class Drawing(Place, total=False):
-        """Keywords of pictures."""
+        """Keywords of the plotting methods."""
 
         style: Literal["screen", "paper", "paper-wide"]
 
@@ -30,7 +30,7 @@ def as_frame(columns: Columns) -> "pd.DataFrame":
 
 
 class Reportable:
-    """A result that is rendered in every format, and drawn; notebooks show it as a card."""
+    """Result that can be rendered in every format and plotted; notebooks show it as a card."""
 
     @property
     @abstractmethod
@@ -47,7 +47,7 @@ class Reportable:
         """Return the report in a format of the command line."""
 
     def to_json(self) -> str:
-        """Return the document of ``--format json``: no NaN, full doubles."""
+        """Return the document of ``--format json``, without NaN, with full precision."""
         return self.rendered("json")
 
     def to_markdown(self) -> str:
@@ -55,7 +55,7 @@ class Reportable:
         return self.rendered("markdown")
 
     def to_latex(self, *, siunitx: bool = False) -> str:
-        """Return the tables for a paper, by the package booktabs; `siunitx` aligns digits."""
+        """Return the tables for a paper, for the package booktabs; `siunitx` aligns digits."""
         return self.rendered("siunitx" if siunitx else "latex")
 
     def _repr_html_(self) -> str:
@@ -72,11 +72,11 @@ class Reportable:
 
 
 class StudyReport(Reportable):
-    """A study of several trackers, whose table has the columns that are asked for."""
+    """Study of several trackers, whose table has the requested columns."""
 
     @abstractmethod
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report in a format; `columns` as of ``--columns-of-table``."""
+        """Return the report in a format, with the columns of ``--columns-of-table``."""
 
     def to_markdown(self, columns: Iterable[str] = ()) -> str:
         """Return the report for a pull request or a lab book.
@@ -84,22 +84,22 @@ class StudyReport(Reportable):
         Parameters
         ----------
         columns : iterable of str
-            Of the table, as of ``--columns-of-table``: ``["tgospa", "rmse"]``.
+            Columns of the table, as for ``--columns-of-table``: ``["tgospa", "rmse"]``.
 
         Raises
         ------
         ConfigError
-            There is no such column.
+            A column is unknown.
         """
         return self.rendered("markdown", columns)
 
     def to_latex(self, columns: Iterable[str] = (), *, siunitx: bool = False) -> str:
-        """Return the tables for a paper; `columns` as of `to_markdown`."""
+        """Return the tables for a paper; `columns` are those of `to_markdown`."""
         return self.rendered("siunitx" if siunitx else "latex", columns)
 
 
 class Sweep(SweepEvaluation, Reportable):
-    """Evaluations that differ in one parameter; fields are those of `SweepEvaluation`."""
+    """Evaluations that differ in one parameter; the fields are those of `SweepEvaluation`."""
 
     @property
     def plot_data(self) -> "Sweep":
@@ -112,7 +112,7 @@ class Sweep(SweepEvaluation, Reportable):
         return "sweep"
 
     def table(self) -> "pd.DataFrame":
-        """Return a row for each point; the first column bears the name of the parameter."""
+        """Return a row for each point; the first column has the name of the parameter."""
         return as_frame(self.columns())
 
     def rendered(self, format: str) -> str:
@@ -123,5 +123,5 @@ class Sweep(SweepEvaluation, Reportable):
         return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
 
     def plot_sweep(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot value, costs and counts over the parameter."""
+        """Plot value, costs and counts against the parameter."""
         return self._plot("sweep", **options)

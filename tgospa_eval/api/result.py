@@ -37,7 +37,7 @@ PUBLIC = (
 
 
 class Showable(Evaluation, Reportable):
-    """An evaluation with its pictures, pages and slices."""
+    """Evaluation with its pictures, pages and slices."""
 
     def __dir__(self) -> list[str]:
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
@@ -45,27 +45,28 @@ class Showable(Evaluation, Reportable):
     def slices(self, *by: str) -> tuple[Slicing, ...]:
         """Split costs and counts by attributes of truth and estimate at each step.
 
-        Localisation errors and misses go by the truth's attribute at the step, false targets by
-        the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
-        the whole. Where several assignments are best, another may be split otherwise:
-        `Slicing.unique` says whether that is ruled out.
+        Localisation errors and missed targets are split by the attribute of the true object at the
+        step, false targets by the attribute of the estimate, and switches by the attribute of the
+        true object at the later of the two steps. Slices add up to the whole. If several
+        assignments are optimal, another one may give other slices; `Slicing.unique` is true if the
+        assignment is proven to be the only one.
 
         Parameters
         ----------
         *by : str
-            As of ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
-            ``"class * speed=0:5:20"``. Without any, those that ``evaluate(..., slices=)`` was asked
-            for. Columns of files must have been asked for there.
+            Slices as for ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
+            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. Columns
+            of files must have been requested there.
 
         Returns
         -------
         tuple of Slicing
-            One for each, with `Slicing.frame`.
+            One for each argument, with `Slicing.frame`.
 
         Raises
         ------
         ConfigError
-            There is no such attribute, or its values do not fit what is asked for.
+            The attribute is unknown, or its values do not fit the request.
         """
         if not by:
             return self.slicings
@@ -83,24 +84,24 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot the cost of each step, stacked: localisation, missed, false, switch.
 
-        If there are too many steps to tell apart, each bar is the costliest of several steps, and
-        the axis says of how many.
+        If there are more steps than can be drawn, each bar is the costliest of several steps; the
+        axis shows how many.
 
         Parameters
         ----------
         style : {"screen", "paper"}
-            With a title; or small, for one column of a journal.
+            ``"screen"`` has a title; ``"paper"`` fits one column of a journal.
         components : sequence of str, optional
             Parts of the cost to plot, of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
         ax, figure : Axes, Figure or SubFigure of matplotlib, optional
-            Where to draw: axes, for a picture of one panel, which gets no title then; or an empty
-            figure. By default in a figure of its own.
+            Axes to draw a picture of one panel into, without a title; or an empty figure. By
+            default a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Belongs to no window.
+            Figure without a window.
 
         Raises
         ------
@@ -118,19 +119,19 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot the normalised cumulative cost: the root of the mean cost of the steps up to each.
 
-        The assignment is that of the whole recording, unless the curve was asked for; the last
+        The assignment is that of the whole recording, unless the curve was requested. The last
         value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
         those of `plot_costs`; the total is always drawn.
         """
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot a lane for each truth with the estimates that follow it, and lanes of false tracks.
+        """Plot a lane for each true object with its estimates, and lanes of false tracks.
 
-        A gap with a frame is missed, a triangle is a switch, and the darker foot of a bar is the
-        error as a share of the cutoff. If there are too many trajectories, the costliest have lanes
-        and the others share one, in which the height is the number of missed or false ones.
-        Parameters, errors and return value are those of `plot_costs`.
+        A framed gap is a missed target, a triangle is a switch, and the darker lower part of a bar
+        is the error as a share of the cutoff. If there are too many trajectories, the costliest
+        have lanes. The others share one lane, whose height is the number of missed or false
+        targets. Parameters, errors and return value are those of `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
 
@@ -141,20 +142,20 @@ class Showable(Evaluation, Reportable):
         style: str = "screen",
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot trajectories in two of the state columns, with misses, false targets and switches.
+        """Plot trajectories in two state columns, with missed and false targets and switches.
 
-        Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
-        there along few trajectories where the states have such and the two columns show them. A
-        second panel shows all of those around the assigned pair that is farthest apart.
+        Boxes, 95 % ellipses of normal distributions, and particles are drawn at some steps of a few
+        trajectories, if the states have them and the two columns show them. A second panel shows
+        all of them around the assigned pair with the largest distance.
 
         Parameters
         ----------
         columns : pair of str, optional
             Columns of the horizontal and the vertical axis: state columns, ``"t"`` for the time,
-            for boxes also ``"centre x"`` and ``"centre y"``. By default the first two state
-            columns, the centres of boxes, or ``lon`` and ``lat``; a single column over time.
+            and for boxes ``"centre x"`` and ``"centre y"``. By default the first two state columns,
+            the centres of boxes, or ``lon`` and ``lat``; a single column is drawn over time.
         style : {"screen", "paper"}
-            With a title; or small, for one column of a journal.
+            ``"screen"`` has a title; ``"paper"`` fits one column of a journal.
 
         Returns
         -------
@@ -169,14 +170,14 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot NEES of each step with its 95 % band; of particles also the ranks of the truth.
+        """Plot NEES of each step with its 95 % band; for particles also the ranks of the truth.
 
-        Errors and return value are those of `plot_costs`.
+        Parameters, further errors and return value are those of `plot_costs`.
 
         Raises
         ------
         ConfigError
-            There is no NEES.
+            The result has no NEES.
         """
         return self._plot("nees", style=style, **place)
 
@@ -187,14 +188,14 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot sliding windows: at the middle of each the root of its mean cost, as in `windows`.
+        """Plot the root of the mean cost of each sliding window at its middle, as in `windows`.
 
         Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
 
         Raises
         ------
         ConfigError
-            Windows were not asked for.
+            Windows were not requested.
         """
         return self._plot("windows", style=style, components=components, **place)
 
@@ -205,9 +206,10 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot the costliest steps, truths and estimates, and their costs.
+        """Plot the costliest steps, true objects and estimates, and their costs.
 
-        Parameters, errors and return value are those of `plot_costs`; only `components` count.
+        Parameters, errors and return value are those of `plot_costs`; only the costs of
+        `components` count.
         """
         return self._plot("worst", style=style, components=components, **place)
 
@@ -220,7 +222,7 @@ class Showable(Evaluation, Reportable):
 
     @property
     def kind(self) -> str:
-        """A result."""
+        """Name of the kind of result."""
         return "result"
 
     @overload
@@ -230,15 +232,15 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str) -> Columns: ...
 
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
-        """Return one row with all numbers, as of a batch; or a table by its name, as plain columns.
+        """Return one row with all numbers, as in a batch; or the columns of a table by its name.
 
-        Names are those of the DataFrames, and ``"per_class"``; those that were not asked for have
+        Names are those of the DataFrames, and ``"per_class"``. A table that was not requested has
         no columns.
 
         Raises
         ------
         ConfigError
-            There is no such table.
+            The table is unknown.
         """
         if name is not None:
             return super().table(name)
@@ -258,18 +260,18 @@ class Showable(Evaluation, Reportable):
         return card(self)
 
     def to_html(self) -> str:
-        """Return the report as one page that loads nothing."""
+        """Return the report as one HTML page that loads no other files."""
         from tgospa_eval.show.html import page  # lazy: jinja2 is slow to import
 
         return page(self)
 
     def to_geojson(self) -> str:
-        """Return tracks, misses, false targets, errors and switches as GeoJSON, for maps.
+        """Return tracks, missed and false targets, errors and switches as GeoJSON, for maps.
 
         Raises
         ------
         ConfigError
-            The states are not on the Earth, or it is a sum of several evaluations.
+            The states are not positions on the Earth, or the result is a sum of evaluations.
         """
         from tgospa_eval.show.files import geojson  # lazy: slow to import
 
@@ -283,14 +285,14 @@ class Showable(Evaluation, Reportable):
         Parameters
         ----------
         folder : str or path
-            Where; a folder that an earlier result was saved to is written anew.
+            Folder to write. An earlier result in it is replaced.
         force : bool
-            Whether it may hold files of others.
+            Whether the folder may have other files.
 
         Raises
         ------
         ConfigError
-            The folder cannot be written, or holds files of others.
+            The folder cannot be written, or has other files.
         """
         from tgospa_eval.show.files import save  # lazy: jinja2 is slow to import
 
@@ -298,7 +300,7 @@ class Showable(Evaluation, Reportable):
 
 
 class Proof(PairProof):
-    """The proof of a result, to be saved for others; fields are those of `PairProof`."""
+    """Proof of a result that can be saved for others; the fields are those of `PairProof`."""
 
     def __repr__(self) -> str:
         low, high = self.bounds.lower, self.bounds.upper
@@ -310,16 +312,16 @@ class Proof(PairProof):
         Parameters
         ----------
         folder : str or path
-            Where; a folder that an earlier proof was saved to is written anew.
+            Folder to write. An earlier proof in it is replaced.
         force : bool
-            Whether it may hold files of others.
+            Whether the folder may have other files.
 
         Raises
         ------
         ConfigError
-            The folder cannot be written, or holds files of others.
+            The folder cannot be written, or has other files.
         SolverError
-            A checker finds that it does not prove what it claims.
+            The checker does not confirm the bounds.
         """
         from tgospa_eval.show.files import save_proof  # lazy: slow to import
 
@@ -328,41 +330,43 @@ class Proof(PairProof):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Result(Showable, PairEvaluation):
-    """Result of one evaluation. Attributes have the names of the JSON; tables are built when read.
+    """Result of one evaluation.
+
+    Attributes have the names of the JSON document; tables are built when they are read.
 
     Parameters
     ----------
     proof : Proof
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
-        Times and ids, the gap that counts as exact, options, and how it was made.
+        Times and ids, the gap that counts as exact, options, and origin of the result.
     source : pair of AlignedPair and EvaluationRequest, optional
-        What was evaluated, and how.
+        Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
-        Further values of each assigned pair, in the order of the table of assignments: parts of
+        More values of each assigned pair, in the order of the table of assignments: parts of
         the cost by name, and ``nees``.
     explained : Explanation, optional
-        Repairs that would save the most, if requested.
+        Repairs with the largest savings, if requested.
     """
 
     proof: Proof
 
     def explain(self, top: int = 10) -> Explanation:
-        """Return the single repairs of the estimate that would save the most, with proven bounds.
+        """Return the repairs of the estimate with the largest savings, with proven bounds.
 
         A repair merges, exchanges, splits, drops, cuts, fills or extends tracks, or moves the whole
-        estimate in time or space. Its saving is proven by bounds before and after it. Savings of
+        estimate in time or space. Bounds before and after a repair prove its saving. Savings of
         several repairs do not add up.
 
         Parameters
         ----------
         top : int
-            How many repairs to list at most; up to twice as many are tried.
+            Largest number of repairs to list; up to twice as many are tried.
 
         Returns
         -------
         Explanation
-            Repairs, the best first; `Explanation.repaired` makes the repaired estimate.
+            Repairs, best first; `Explanation.repaired` makes the repaired estimate.
 
         Raises
         ------
@@ -374,21 +378,21 @@ class Result(Showable, PairEvaluation):
         return explain(self, top)
 
     def gradient(self) -> "Gradient":
-        """Return how the cost changes with each state of the estimate, cutoff and switch penalty.
+        """Return the derivative of the cost by estimated states, cutoff and switch penalty.
 
-        This is the derivative of the cost with the reported assignment fixed (envelope theorem).
-        If the best assignment is unique, it is the derivative of the metric, else one of several
-        directional derivatives; `Gradient.unique` says which is known.
+        The reported assignment is fixed (envelope theorem). If the optimal assignment is unique,
+        this is the derivative of the metric, else one of several directional derivatives;
+        `Gradient.unique` is true if the assignment is proven to be unique.
 
         Returns
         -------
         Gradient
-            Of ``total`` and of ``tgospa``.
+            Derivatives of ``total`` and of ``tgospa``.
 
         Raises
         ------
         ConfigError
-            No derivative is known of the base distance.
+            The derivative of the base distance is not known.
         """
         from tgospa_eval.evaluation.gradient import gradient  # lazy: slow to import
 
@@ -402,19 +406,19 @@ class ByClass(Showable, EvaluationByClass):
     Parameters
     ----------
     results : dict of str to Result
-        By class, in order; at least one.
+        Results by class, in order; at least one.
     """
 
     results: dict[str, Result]
 
 
 def result_of(evaluation: PairEvaluation) -> Result:
-    """Return the result that a user holds of an evaluation."""
+    """Return the public result of an evaluation."""
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 
 class ResultInParts(Showable, PartitionedResult):
-    """Result of data in parts: sums in memory, tables as files that are removed with it."""
+    """Result of data in parts: sums in memory, and tables in files that are removed with it."""
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
         if by:

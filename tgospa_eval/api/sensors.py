@@ -1,4 +1,4 @@
-"""States of sensors, whoever asks: which belong together, and clouds with fewer particles."""
+"""Association of the states of two sensors, and reduction of particle clouds."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -45,15 +45,15 @@ class Association(Pairing):
     first, second : Trajectories
         The sides, on the same times.
     pairs : Pairs
-        Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
+        Pairs of one step that are nearer than the cutoff, or all pairs if requested.
     apart : (N,) float array
         Distances of their means.
     chosen : (N,) bool array
-        Which of them were associated.
+        Whether each pair was associated.
     cutoff : float
         The cutoff c.
     distance : Distance
-        As it was measured.
+        Distance between two states.
     """
 
     def __repr__(self) -> str:
@@ -71,9 +71,9 @@ class Association(Pairing):
         Raises
         ------
         ConfigError
-            There is no such table.
+            The table is unknown.
         InputError
-            Cross-covariances are those of particles, which no side has.
+            Cross-covariances are requested, but no side has particles.
         """
         tables = {
             "associations": self.associations_table,
@@ -107,7 +107,7 @@ class Association(Pairing):
     def plot_plane(
         self, *, columns: tuple[str, str] | None = None, style: str = "screen"
     ) -> "Figure":
-        """Plot both sides in two of the state columns, pairs, single states, and gates.
+        """Plot both sides in two state columns, with pairs, single states and gates.
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
@@ -116,7 +116,7 @@ class Association(Pairing):
         return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
-        """Return a page that loads nothing; `names` are those of the sides."""
+        """Return an HTML page that loads no other files; `names` are names of the sides."""
         from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
         return association_page(self, names)
@@ -127,7 +127,7 @@ class Association(Pairing):
         Raises
         ------
         ConfigError
-            The folder holds something else, and `force` is false; or it cannot be written.
+            The folder has other files and `force` is false, or it cannot be written.
         """
         from tgospa_eval.show.files import save  # lazy: slow to import
 
@@ -138,7 +138,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options of `associate` as those of a request."""
+    """Return options of `associate` under the names of a request."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -150,7 +150,7 @@ def associate_sides(
     *,
     all_pairs: bool,
 ) -> Association:
-    """Associate sides that were read; `names` are for messages."""
+    """Associate two sides; `names` are used in messages."""
     fitted, _ = align_sides(resolved, sides, names)
     pairing = associate_states(
         fitted.alignment.truth,
@@ -164,7 +164,7 @@ def associate_sides(
 
 
 def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
-    """Return how to reduce, and how to read what is reduced."""
+    """Return the options of reduction, and those of reading."""
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
     return how, resolve_request(replace(request, distance="cloud-wasserstein", **fixed))
@@ -173,12 +173,12 @@ def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
 def reduce_side(
     side: Reading, how: Reduction, name: str, resources: Resources
 ) -> tuple[Trajectories, Columns]:
-    """Return the clouds of a side with fewer particles, and a row of changes for each.
+    """Return the clouds of a side with fewer particles, and a row of changes for each cloud.
 
     Raises
     ------
     InputError
-        There are none.
+        The side has no clouds.
     """
     if side.trajectories.clouds is None:
         raise InputError(
@@ -222,25 +222,25 @@ def associate(
 ) -> Association:
     """Associate the states of two sensors, step by step.
 
-    Every option of ``tgospa-eval associate`` is a keyword, by its name.
+    Every option of ``tgospa-eval associate`` is also a keyword.
 
     Parameters
     ----------
     a, b : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As truth and estimate of `evaluate`.
+        Sides, as truth and estimate of `evaluate`.
     cutoff : float
         c > 0, in the unit of the distance.
     mapping : sequence of int, or pair of such, optional
-        As for `evaluate`.
+        Components to compare, as in `evaluate`.
     all_pairs : bool
-        Measure all pairs of each step, not only those that may be nearer than the cutoff; the
-        association is the same.
+        Whether to measure all pairs of each step. By default only pairs that may be nearer than the
+        cutoff are measured; the association is the same.
     a_format, b_format : str, optional
         Formats of files.
     a_columns, b_columns : str or sequence of str, optional
-        `columns` for one side alone.
+        `columns` of one side.
     a_where, b_where : str or sequence of str
-        `where` for one side alone.
+        `where` of one side.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def associate(
     Raises
     ------
     ConfigError, InputError, TypeError
-        As for `evaluate`.
+        An option or a side is wrong, as for `evaluate`.
     """
     of_sides = {
         "truth_format": a_format,
@@ -278,30 +278,30 @@ def reduce(
 ) -> tuple[Trajectories, "pd.DataFrame"]:
     """Reduce particle clouds to fewer particles.
 
-    Every option of ``tgospa-eval reduce`` is a keyword, by its name.
+    Every option of ``tgospa-eval reduce`` is also a keyword.
 
     Parameters
     ----------
     side : path, Trajectories, DataFrame, array, mapping or set of tracks
-        With particles: as a side of `evaluate`.
+        Side of `evaluate` with particles.
     size : int
         Number of particles of each cloud; smaller clouds stay as they are.
     mapping : sequence of int, optional
-        As for `evaluate`.
+        Components to compare, as in `evaluate`.
     in_format : str, optional
         Format of a file.
 
     Returns
     -------
     Trajectories
-        With the reduced clouds.
+        The side with reduced clouds.
     DataFrame
         A row for each cloud: the columns of ``reduce --format csv``.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        As for `evaluate`, or there are no particles.
+        An option or the side is wrong, as for `evaluate`; or the side has no particles.
     """
     request = requested({**options, "truth_format": in_format})
     how, resolved = reducing(request, size)

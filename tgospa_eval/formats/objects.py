@@ -1052,39 +1052,38 @@ def read_trajectories(
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
 
-    Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
-    Matrices that are slightly off being covariances get a warning.
+    Rows with the same (id, t) are particles of one cloud if there is a column ``weight``. Matrices
+    that are nearly positive semi-definite are corrected with a warning.
 
     Parameters
     ----------
     path : path
         The file.
     role : {"truth", "estimate"}
-        What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
+        Side of the file. Column 7 of MOTChallenge is a flag in the truth and a score in results.
     format : str, optional
-        One of ``formats.FORMATS``, as of ``--truth-format``; guessed by name and content if not
-        given.
+        One of ``formats.FORMATS``, as for ``--truth-format``; by default it is guessed by name and
+        content.
     covariance : bool
-        Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
-        std_y, rho_xy``; whether they are compared depends on the distance.
+        Whether to read covariances from columns ``cov_xx, cov_xy, cov_yy`` or ``std_x, std_y,
+        rho_xy``. The distance decides whether they are compared.
     attributes : tuple of str
-        Headers of further columns to read into `Trajectories.attributes`, as far as they are
-        there.
+        Names of further columns to read into `Trajectories.attributes`, if the file has them.
     time_offset, time_scale, unit_scale : float
-        The stamps of the file are multiplied by `time_scale`, then `time_offset` is added, in
-        seconds for ISO times, which have no scale; state columns, with covariances and particles,
-        are multiplied by `unit_scale`. `time` and `region` are in the new units.
+        Timestamps are multiplied by `time_scale`, then `time_offset` is added. ISO times have an
+        offset in seconds and no scale. State columns, covariances and particles are multiplied by
+        `unit_scale`. `time` and `region` are in the new units.
     columns, decimal, on_duplicate, on_invalid, boxes, time, classes, region
-        As in `formats.ReadOptions`.
+        Options of `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input, beside
-        Likewise.
+        Options of `formats.ReadOptions`.
 
     Raises
     ------
     InputError
         The file is missing, unreadable or wrong; the message names line and column.
     ConfigError
-        An option is none of those allowed, or the package that reads the format is missing.
+        An option is not allowed, or the package that reads the format is missing.
     """
     given = locals().copy()  # all arguments, those of `ReadOptions` by the same names
     names = [each.name for each in fields(ReadOptions) if each.name in given]

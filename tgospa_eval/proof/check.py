@@ -17,11 +17,11 @@ class Claim:
     Parameters
     ----------
     folder : str
-        Where it is.
+        Folder of the proof.
     holds : bool
-        Whether it proves what it claims.
+        Whether the proof confirms the claimed bounds.
     text : str
-        The bounds that were found, or what is wrong.
+        Computed bounds, or the error.
     """
 
     folder: str
@@ -34,7 +34,7 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """Outcomes of the proofs of a folder; true if all hold.
+    """Outcomes of the proofs in a folder; true if all hold.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class Verification:
 def verify(folder: "str | os.PathLike[str]") -> Verification:
     """Check the proof in a folder, or one for each class.
 
-    A program of one file, which shares no code with the solver, computes both bounds again in exact
-    integers. The command ``tgospa-eval verify`` does the same, and also checks that the tables
-    follow from files.
+    A program of one file, which shares no code with the solver, computes both bounds again with
+    exact integers. The command ``tgospa-eval verify`` does the same, and can also check that the
+    tables of the proof follow from the data files.
 
     Parameters
     ----------
@@ -71,23 +71,23 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
     Returns
     -------
     Verification
-        The claims; true if all of them hold.
+        Outcome of each proof; true if all hold.
 
     Raises
     ------
     InputError
-        It is no proof folder, or a file is missing or damaged.
+        The folder is not a proof folder, or a file is missing or damaged.
     """
     return check_folders(os.fspath(folder), check)
 
 
 def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
-    """Check all proofs of a folder by its path and its files; the work of all is limited.
+    """Check all proofs in a folder; the work of all together is limited.
 
     Raises
     ------
     InputError
-        There is none.
+        The folder has no proof.
     """
     folders = _folders(folder)
     claims = [] if folders == [folder] else list(_missing_classes(folder, folders))
@@ -106,11 +106,11 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
     Parameters
     ----------
     folder : str
-        The folder itself.
+        Path of the folder.
     files : Folder
-        What reads it.
+        Reader of the folder.
     more : callable
-        What else must hold: it raises `Wrong`, or says in words what was found.
+        Further check: it raises `Wrong`, or returns its outcome in words.
 
     Raises
     ------

@@ -44,7 +44,7 @@ DOCUMENTED = (
 
 
 def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
-    """Return an attribute that is a table as a DataFrame, made when it is read."""
+    """Return an attribute that makes a table as a DataFrame when it is read."""
 
     def made(result: Any) -> "pd.DataFrame":
         frame: pd.DataFrame = result.frame(name)
@@ -56,7 +56,7 @@ def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluation(ABC):
-    """The numbers and tables; attributes bear the names of the JSON.
+    """Numbers and tables of an evaluation; attributes have the names of the JSON document.
 
     Parameters
     ----------
@@ -75,42 +75,42 @@ class Evaluation(ABC):
     input : dict
         Rows and digest of either side.
     evaluated_on : Coverage
-        What it was judged on: the horizon, and the truth that counts.
+        Steps and true objects that were evaluated.
     sizes : dict of str to int
         Numbers of trajectories, steps, near pairs, their steps, and components.
     objects : pair of int
         States of the truth and of the estimate.
     version : str
-        Version of the package that made it.
+        Version of the package.
     split : mapping of str to float, optional
-        Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
+        Parts of the localisation cost by name, from `SPLIT_PARTS`; they sum to the cost.
     curve_bounds : Brackets, optional
-        Costs of the steps up to each step, if they were asked for.
+        Costs of the steps up to each step, if requested.
     window_bounds : Windows, optional
-        Costs of sliding windows, if they were asked for.
+        Costs of sliding windows, if requested.
     warnings : tuple of Notice
-        What looks wrong, with `code`, `text` and `remedy`.
+        Warnings, with `code`, `text` and `remedy`.
     notices : tuple of str
-        How the sides were read, and what nobody chose: sentences.
+        Sentences about how the sides were read, and about defaults in use.
     files : dict
-        Paths of truth and estimate as they were given; None of what was no file.
+        Paths of truth and estimate as they were given; None for a side in memory.
     with_ : dict
-        Other metrics, those that were asked for: numbers by metric and name.
+        Numbers of other metrics that were requested, by metric and name.
     slicings : tuple of Slicing
-        Costs and counts split by attributes, those that were asked for.
+        Costs and counts split by attributes, if requested.
     sums : dict
-        Of these what those of several recordings are joined from, by metric and name with a dot
-        between; lists over the thresholds of HOTA.
+        Sums of other metrics from which those of several recordings are joined, by metric and name
+        with a dot between; lists over the thresholds of HOTA.
     unjudged : Unjudged, optional
         States that were ignored, excused and absorbed, if there are any.
     nees : NeesSums, optional
-        Whether covariances say how large errors are, where the estimate has any.
+        Consistency of the covariances with the errors, if the estimate has covariances.
     calibration : Calibration, optional
-        Of `similarity`, if every output is to show it.
+        Calibration of `similarity`, if every output shows the similarity.
     settings_file : SettingsFile, optional
-        The configuration file that set options of it.
+        Configuration file that set some options.
     tracked_shares : TrackedShares
-        What the summary calls mostly tracked and mostly lost.
+        Thresholds of mostly tracked and mostly lost in the summary.
     """
 
     proof: records.Costs
@@ -165,12 +165,12 @@ class Evaluation(ABC):
 
     @property
     def tgospa(self) -> float:
-        """The metric, in state units: of a feasible assignment, `upper_bound` but for rounding."""
+        """Metric in state units, of a feasible assignment: `upper_bound` up to rounding."""
         return self._root(self.proof.breakdown.total)
 
     @property
     def total(self) -> float:
-        """``tgospa ** order``, the cost of that assignment."""
+        """``tgospa ** order``, the cost of the reported assignment."""
         return self.scale * self.proof.breakdown.total
 
     @property
@@ -195,7 +195,7 @@ class Evaluation(ABC):
 
     @property
     def within_rounding(self) -> bool:
-        """True if the bracket is wider than that only by rounding."""
+        """True if the bracket is wider than requested only by rounding."""
         return self.proof.bounds.within_rounding(self.gap)
 
     @property
@@ -218,7 +218,7 @@ class Evaluation(ABC):
 
     @property
     def localisation_spread(self) -> float | None:
-        """Part of localisation by differences of covariances; None as for means."""
+        """Part of localisation by differences of covariances; None without such a part."""
         return (self.split or {}).get("localisation_spread")
 
     @property
@@ -228,7 +228,7 @@ class Evaluation(ABC):
 
     @property
     def expected_localisation(self) -> float | None:
-        """Part of localisation by errors of states expected to exist; None as for the mismatch."""
+        """Part of localisation by errors of states expected to exist; None if not compared."""
         mismatch = self.existence_mismatch
         if mismatch is None:
             return None
@@ -261,16 +261,16 @@ class Evaluation(ABC):
 
     @property
     def ignored(self) -> dict[str, float] | None:
-        """States that are not judged: ``truth_states``, ``absorbed`` estimates, ``excused`` ones.
+        """States that are not evaluated: ``truth_states``, ``absorbed`` and ``excused`` estimates.
 
-        None where all are. Absorbed are estimate states that follow an ignored truth, by their
-        weights; excused ones may be false for nothing.
+        None if all states are evaluated. Absorbed estimates follow an ignored true object, counted
+        by their weights. Excused estimates cost nothing if they are false.
         """
         return None if self.unjudged is None else self.unjudged.totals
 
     @property
     def exclusions(self) -> str:
-        """Parts of the data that are not judged, in words; blank without any."""
+        """Parts of the data that are not evaluated, in words; blank if all are evaluated."""
         if self.ignored is None:
             return ""
         truths, absorbed, excused = self.ignored.values()
@@ -290,25 +290,25 @@ class Evaluation(ABC):
     @cached_property
     @abstractmethod
     def summarised(self) -> Summary:
-        """Numbers of tracking, with columns of each track."""
+        """Summary of tracking, with columns for each track."""
 
     @property
     @abstractmethod
     def is_unique(self) -> bool | None:
-        """True if the assignment is proven to be the only best one; None if unknown."""
+        """True if the assignment is proven to be the only optimal one; None if unknown."""
 
     @property
     def summary(self) -> records.Json:
         """Numbers of tracking of the reported assignment (docs/reference/summary.md).
 
-        ``unique`` says whether that is proven to be the only best one: else another one may have
-        other numbers.
+        ``unique`` is true if the assignment is proven to be the only optimal one; else another
+        optimal assignment may have other numbers.
         """
         return {**self.summarised.numbers, "unique": self.is_unique}
 
     @property
     def headline(self) -> str:
-        """Numbers of tracking that people ask for first, in one sentence."""
+        """Most important numbers of tracking, in one sentence."""
         each, quantity = self.normalised.get("per_object"), partial(self.quantity, digits=3)
         numbers, counts = self.summarised.numbers, self.counts
         words = headline(numbers, counts["switch"], counts["false"], quantity)
@@ -338,19 +338,19 @@ class Evaluation(ABC):
 
     @property
     def judged(self) -> dict[str, object]:
-        """Data that the value is judged on: the horizon, and the truth that counts."""
+        """Steps and true objects that were evaluated."""
         return self.evaluated_on.record()
 
     def table(self, name: str) -> records.Columns:
         """Return a table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
         ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
-        ``"curve"``, ``"windows"``; those that were not asked for have no columns.
+        ``"curve"``, ``"windows"``; a table that was not requested has no columns.
 
         Raises
         ------
         ConfigError
-            There is no such table.
+            The table is unknown.
         """
         if name in ("per_step", "curve", "windows", "per_class"):
             made: records.Columns = getattr(self, f"_{name}")()
@@ -431,7 +431,7 @@ class Evaluation(ABC):
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
-        """Return the `count` costliest steps, truths and estimates, in order, without free ones."""
+        """Return the `count` costliest steps, true objects and estimates, without zero costs."""
         per_step = self.table("per_step")
         answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):
@@ -486,9 +486,9 @@ class Evaluation(ABC):
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
         ``localisation_mean`` and ``localisation_spread``, with probabilities of existence
-        ``expected_localisation`` and ``existence_mismatch``; other metrics that were asked for as
-        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``; those of
-        the summary that are defined as ``summary.detection_rate``.
+        ``expected_localisation`` and ``existence_mismatch``; requested metrics such as
+        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``; defined
+        numbers of the summary such as ``summary.detection_rate``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -517,20 +517,20 @@ class Evaluation(ABC):
         Parameters
         ----------
         false_targets : float
-            How many false targets at each step, and nothing else, get `score`.
+            Number of false targets at each step that get `score` if there are no other errors.
         score : float
-            What they get.
+            Score of that many false targets.
 
         Returns
         -------
         Similarity
-            The score with proven bounds.
+            Score with proven bounds.
 
         Raises
         ------
         ConfigError
-            A number is out of its range, or the steps are weighted: a value per step has no
-            meaning then.
+            A number is out of its range, or the steps are weighted, so that a value per step has no
+            meaning.
         """
         calibration = self.calibration
         if false_targets is not None:
@@ -550,7 +550,7 @@ class Evaluation(ABC):
         )
 
     def to_json(self) -> str:
-        """Return the JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document, with sorted keys and full precision, without NaN."""
         return records.json_text(self.to_dict())
 
     def quantity(self, value: float, digits: int = 6) -> str:

@@ -32,7 +32,7 @@ NOT_ADDITIVE = "savings do not add up: apply one repair, then run explain again"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repair:
-    """Change of the estimate and its proven saving.
+    """Change of the estimate with its proven saving.
 
     Parameters
     ----------
@@ -43,23 +43,23 @@ class Repair:
     estimates : tuple of str
         Ids of the tracks that it changes; empty if it changes all.
     tracks : tuple of int
-        Their numbers.
+        Numbers of these tracks.
     begin, end : int, float or str, optional
         First and last time of the change.
     shift : int
-        Steps by which it moves the estimate.
+        Steps by which the repair moves the estimate.
     offset : dict
-        Values that it subtracts from each column.
+        Values that the repair subtracts from each column.
     rows : Columns
-        The rows that it adds, ``t`` and the state columns.
+        Rows that the repair adds: ``t`` and the state columns.
     total, tgospa : float
-        The cost, and the metric, afterwards.
+        Cost and metric after the repair.
     lower_bound, upper_bound : float
-        Proven bounds of the metric afterwards.
+        Proven bounds of the metric after the repair.
     saving_lower, saving_upper : float
-        Proven bounds of its saving, in the unit of the total.
+        Proven bounds of the saving, in the unit of the total.
     edit : callable
-        Applies the repair to the estimate, for `Explanation.repaired`.
+        Function that applies the repair to the estimate, for `Explanation.repaired`.
     """
 
     kind: str
@@ -98,20 +98,20 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """Savings by repairs of the estimate, each repair made by itself.
+    """Savings by repairs of the estimate, each made separately.
 
     Parameters
     ----------
     result : Evaluation
-        The evaluation, which may hold this in turn.
+        Evaluation of the unrepaired estimate.
     repairs : tuple of Repair
-        Sorted by proven saving, the largest first.
+        Repairs, the largest proven saving first.
     candidates, tried : int
-        Repairs that may save something, and how many of them were tried.
+        Number of repairs that may save something, and of those that were tried.
     seconds : float
-        How long that took.
+        Time of the search.
     estimate : Trajectories
-        The estimate on the steps that count.
+        Estimate on the evaluated steps.
     conversion : Conversion
         Conversion from times and states of the file to those of `estimate`.
     """
@@ -135,7 +135,7 @@ class Explanation:
 
     @cached_property
     def table(self) -> "pd.DataFrame":
-        """A row for each repair, the first saves most."""
+        """A row for each repair, the largest saving first."""
         import pandas as pd  # lazy: pandas is slow to import
 
         return pd.DataFrame(self.columns())
@@ -169,12 +169,12 @@ class Explanation:
     def repaired(self, rank: int = 1) -> Trajectories:
         """Return the estimate after the repair of this rank, in its own units.
 
-        It has the rows that count, and what the same options read beside their states.
+        The estimate has the evaluated rows, with the other columns that the options read.
 
         Raises
         ------
         ConfigError
-            No repair has the rank.
+            No repair has this rank.
         """
         if not 1 <= rank <= len(self.repairs):
             there = f"there are {len(self.repairs)}" if self.repairs else "there is none"

@@ -210,15 +210,15 @@ def simulate(
     Parameters
     ----------
     scenario : str
-        What the targets do: ``"crossing"``, ``"parallel"``, ``"convoy"``, ``"dense"``,
+        Motion of the targets: ``"crossing"``, ``"parallel"``, ``"convoy"``, ``"dense"``,
         ``"births"``, ``"manoeuvring"``.
     targets, steps, area, state, particles
-        As of `tgospa_eval.simulation.Scene`.
+        Parameters of `tgospa_eval.simulation.Scene`.
     seed : int
-        The same one makes the same scene.
+        Seed of the random numbers; the same seed makes the same scene.
     **errors
-        Of the tracker, as of `tgospa_eval.simulation.Tracker`: ``noise``, ``detection``, ``swaps``
-        ... What is not given is that of the command.
+        Errors of the tracker, by the names in `tgospa_eval.simulation.Tracker`: ``noise``,
+        ``detection``, ``swaps`` ... Defaults are those of the command.
 
     Returns
     -------
@@ -228,7 +228,7 @@ def simulate(
     Raises
     ------
     ConfigError
-        A value has no meaning.
+        A value is unknown or out of its range.
     """
     scene = Scene(
         scenario=scenario, targets=targets, steps=steps, area=area, state=state, particles=particles
