@@ -1,4 +1,4 @@
-"""The command line: a group of verbs, each imported when it is asked for."""
+"""Command line: a group of verbs, each imported when it is used."""
 
 import atexit
 import gc
@@ -31,20 +31,20 @@ from tgospa_eval.text import COMMAND, spelled_for
 # be that of a regression; this one is left to report it.
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
-"""Ends of programs that do without their memory; other signals come from others."""
+"""Signals that end a program without memory; other signals have other causes."""
 
 PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def guarded(work: Callable[[], int], interrupted: int) -> int:
-    """Do the work; its status, or 4 if it ended without one.
+    """Do the work and return its status, or 4 if it ended without a status.
 
     Parameters
     ----------
     work : callable
-        Gives the status.
+        Callable that returns the status.
     interrupted : int
-        The status with which it may end of itself.
+        Status of the work if it was interrupted.
     """
     limit = _limit()
     if limit is None:
@@ -101,8 +101,8 @@ def _limit() -> int | None:
 
 
 NEW_OBJECTS = 50_000
-"""New objects from which on one looks for cycles among them: there are next to none. The 700 of
-Python cost 3 % of a small evaluation, and 4 % of one with pictures."""
+"""Number of new objects that starts garbage collection, which finds next to nothing. The 700 of
+Python cost 3 % of the time of a small evaluation, and 4 % of one with pictures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -128,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    """Run the command line; the exit status."""
+    """Run the command line and return the exit status."""
     status: int | None
     try:
         status = _invoke(None if arguments is None else list(arguments))
@@ -157,7 +157,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _print_lacking(error: Exception) -> int:
-    """Report what the system does not give, which is no fault of ours; return the status."""
+    """Report a lack of memory, disk or threads, which is not a bug; return the status."""
     if is_of_memory(error):
         print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
@@ -177,7 +177,7 @@ def _end_interrupted() -> None:
 
 
 def _invoke(arguments: list[str] | None) -> int | None:
-    """Run the command line, seeing to it that what it prints arrives."""
+    """Run the command line, and check that its output was written."""
     if sys.stderr is None:  # otherwise the next file that is opened takes its number
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     check_stdout()
@@ -192,7 +192,7 @@ def _invoke(arguments: list[str] | None) -> int | None:
 
 
 def _print_internal(error: Exception) -> None:
-    """Print the traceback of a fault of ours, and a sentence."""
+    """Print the traceback of a bug, and a sentence."""
     import traceback  # lazy: there should be none
 
     print_notices("".join(traceback.format_exception(error)).rstrip("\n"))

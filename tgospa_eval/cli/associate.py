@@ -1,4 +1,4 @@
-"""``tgospa-eval associate A B``: which states of two sensors belong together."""
+"""``tgospa-eval associate A B``: association of the states of two sensors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""Options of an evaluation that this verb has."""
+"""Options of `evaluate` that this verb has."""
 
 _output = partial(Option, section="Output")
 
@@ -171,9 +171,10 @@ def _document(association: "Association", resolved: "ResolvedRequest") -> "Json"
 def read_states(
     paths: tuple[str, ...], resolved: "ResolvedRequest", formats: tuple[str, ...], *, quiet: bool
 ) -> "tuple[Reading, ...]":
-    """Read the states of sensors: the role of challenge formats is that of results.
+    """Read the states of sensors; files in the format of a challenge are read as results.
 
-    `formats` are the options that name the formats; messages know those of truth and estimate.
+    `formats` are the options for the formats, which messages name instead of those of truth and
+    estimate.
     """
     from tgospa_eval.api.notices import about
     from tgospa_eval.api.reading import read_pair
@@ -193,7 +194,7 @@ def read_states(
 
 
 def run_with_resources(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
-    """Do work that takes so many threads, and show how far it is."""
+    """Do work with a number of threads, and show its progress."""
     from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Resources
 

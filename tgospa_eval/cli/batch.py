@@ -19,7 +19,7 @@ OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "over", "output", "force"),
     *("format_", "columns_of_table", "pictures", "style", "config", "quiet"),
 }
-"""Parameters that mean something to ``batch report``."""
+"""Parameters that ``batch report`` uses."""
 
 
 @click.command(
@@ -118,12 +118,12 @@ def _write(store: "Store", tables: "BatchTables", output: click_builder.OutputOp
 
 
 def _check_typed(ctx: click.Context) -> None:
-    """Check that all options are for what is stored.
+    """Check that all options apply to stored rows.
 
     Raises
     ------
     click.UsageError
-        One is for evaluating, which a report does not.
+        An option is for evaluations, which a report does not make.
     """
     given = typed_options(ctx)
     for name in ctx.params:

@@ -1,4 +1,4 @@
-"""``tgospa-eval explain TRUTH ESTIMATE``: which single repairs would save most."""
+"""``tgospa-eval explain TRUTH ESTIMATE``: repairs of the estimate with the largest savings."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option, t
 from tgospa_eval.errors import ConfigError, ExitStatus
 
 LEFT_ASIDE = ("by", "preprocess")
-"""Options of everything that evaluates that this verb has not; a settings file may have them."""
+"""Options of evaluations that this verb lacks; a settings file may have them."""
 
 _output = partial(Option, section="Output")
 

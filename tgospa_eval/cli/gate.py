@@ -46,10 +46,10 @@ GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
-    """Keeps its arguments, for commands that messages propose, and the target that judges."""
+    """Command that keeps its arguments, for commands in messages, and the target that judges."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep them, then parse them."""
+        """Keep the arguments, then parse them."""
         ctx.meta[TYPED] = tuple(args)
         with suppress(click.UsageError, ConfigError):  # the same errors are raised again
             typed, *_ = self.make_parser(ctx).parse_args([*args])
@@ -124,12 +124,12 @@ def _run(
     estimate: str | None,
     output: OutputOptions,
 ) -> int:
-    """Judge, print, write; the exit status.
+    """Judge, print and write; return the exit status.
 
     Raises
     ------
     TgospaError
-        Nothing could be judged.
+        No rule can be judged.
     """
     from tgospa_eval._version import __version__
     from tgospa_eval.api.gate import judge_all
@@ -189,7 +189,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """Return the report for stdout; a table in the columns that there are."""
+    """Return the report for stdout; a table fits the width of the terminal."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.rendering import WIDTH
 
@@ -201,7 +201,7 @@ def _printed(report: "Report", format: str) -> str:
 def _publish(gate: GateOptions, report: "Report") -> int:
     """Write files, annotations and step summary; return 2 if one cannot be written, else 0.
 
-    What cannot be written must not cost the report, nor hide a regression.
+    An error of writing must not lose the report or hide a regression.
     """
     from tgospa_eval.campaign.gate.report import annotations, append_summary, junit
     from tgospa_eval.common.writing import write_file
@@ -233,7 +233,7 @@ def _write_folder(gate: GateOptions, report: "Report") -> None:
     Raises
     ------
     ConfigError
-        It cannot be written.
+        The folder cannot be written.
     """
     from tgospa_eval.campaign.gate.report import gate_files
     from tgospa_eval.campaign.gate.suite import SEED

@@ -1,4 +1,4 @@
-"""``tgospa-eval inspect TRUTH [ESTIMATE]``: what was read, and what looks wrong with it."""
+"""``tgospa-eval inspect TRUTH [ESTIMATE]``: contents of the files, and problems with them."""
 
 from typing import TYPE_CHECKING
 
@@ -96,7 +96,7 @@ def command(
 def _write_picture(
     path: str, kind: str, style: str, sides: "list[tuple[str, Trajectories]]", unit: str
 ) -> None:
-    """Draw what was read."""
+    """Draw the data."""
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.show.charts import Pictures, pictures
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
 PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
 BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
-"""Parameters that go with a setting."""
+"""Parameters that can be combined with a setting."""
 
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
@@ -31,7 +31,7 @@ OPTION = "DIR"
 """Beginning of messages about the folder."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
-"""Distances of states that are more than points."""
+"""Distances for states other than points."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
@@ -154,7 +154,7 @@ OPTIONS = (
 
 
 def _check_setting(ctx: click.Context) -> None:
-    """Check that no option is given that a setting decides."""
+    """Check that no option contradicts the setting."""
     given = [
         item.opts[-1]
         for item in ctx.command.params
@@ -222,7 +222,7 @@ def _size_of(side: "Trajectories", what: str) -> str:
 
 
 def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[str, ...]:
-    """Write one run of a setting; what was made, and the command that evaluates it."""
+    """Write one run of a setting; return its description, and the command that evaluates it."""
     from tgospa_eval.formats.write import csv_text
     from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation.settings import PUBLISHED, run_setting
@@ -263,9 +263,9 @@ def _make_scene(
     particles: int | None,
     **options: Any,
 ) -> tuple[str, ...]:
-    """Write a scene; what was made, and the command that evaluates it.
+    """Write a scene; return its description, and the command that evaluates it.
 
-    That has a cutoff well above the noise, and the price of a switch a quarter of it squared.
+    Its cutoff is well above the noise, and a switch costs a quarter of the cutoff squared.
     """
     import numpy as np
 

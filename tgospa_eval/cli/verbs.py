@@ -1,4 +1,4 @@
-"""The verbs by name, each imported when it is asked for, and their group, which finds the verb."""
+"""Verbs by name, each imported when it is used, and the group that finds the verb."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -56,7 +56,7 @@ LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
 
 class Verbs(click.Group):
-    """Finds the verb wherever it stands among the options; without one it is ``evaluate``."""
+    """Group that accepts the verb anywhere among the options; the default is ``evaluate``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Return names of the verbs."""
@@ -77,7 +77,7 @@ class Verbs(click.Group):
         Raises
         ------
         click.UsageError
-            The first argument is neither a verb nor a file, but like a verb.
+            The first argument is neither a verb nor a file, but is similar to a verb.
         """
         if args[:1] == ["help"]:
             verb, section = args[1:2], args[2:]
@@ -116,7 +116,7 @@ class Verbs(click.Group):
         return [*verbs, *map(CompletionItem, _files_like(incomplete))]
 
     def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
-        """Return the position of the first argument that is no option, nor the value of one."""
+        """Return the position of the first argument that is not an option or its value."""
         if not args[0].startswith("-"):
             return 0
         commands = [self.get_command(ctx, verb) for verb in ("evaluate", "gate")]
@@ -147,7 +147,7 @@ class Verbs(click.Group):
 def _files_like(begin: str) -> list[str]:
     """Return files in the current folder, as the shell would offer them without verbs.
 
-    Shells take a name with a blank for several: it is completed from a letter on that no verb has.
+    Shells split a name with a blank; it is completed once a letter rules out all verbs.
     """
     import os  # lazy: as above
 
@@ -161,12 +161,12 @@ def _files_like(begin: str) -> list[str]:
 
 
 def _check_word(ctx: click.Context, word: str) -> None:
-    """See that a word may be the name of a file.
+    """Check that a word may be the name of a file.
 
     Raises
     ------
     click.UsageError
-        No file has that name, and it is like a verb.
+        No file has this name, and a verb is similar.
     """
     import os  # lazy: not needed where a verb is given
     import re

@@ -22,12 +22,12 @@ NOT_OF_THE_TABLES = (
     *("cutoff", "order", "switch_penalty", "rho", "distance", "unit"),
     *("solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
-"""Options of the metric, which a verdict has as parameters, and of the solver, beside those of the
-distance. All others that a proof records say what was read, and how: a verdict names them."""
+"""Options of the metric, of the solver and of the distance. All other options that a proof records
+describe the reading of files, and are named in the output."""
 
 
 NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
-"""Options of proofs that may name a file, which is read if the command line names it too."""
+"""Options of proofs that may name a file, which is read only if the command line names it."""
 
 
 @click.command(
@@ -125,14 +125,14 @@ def command(
 def _check_tables(
     folder: str, files: Files, given: Mapping[str, str], stopwatch: "Stopwatch"
 ) -> str:
-    """Check that all of a proof follows from the files and the options that it records.
+    """Check that the tables of a proof follow from the files and the recorded options.
 
-    Returns how the files were read, in words; nothing if as they are.
+    Return how the files were read, in words; blank if they were read without options.
 
     Raises
     ------
     Wrong
-        Tables, parameters, digests, or what it says to be judged on, do not.
+        Tables, parameters, digests or the evaluated steps differ.
     """
     from tgospa_eval.proof import verify_tgospa
     from tgospa_eval.proof.write import check_provable, difference, proof_parameters, proof_tables
@@ -189,21 +189,21 @@ def _check_tables(
 def _differing(
     proven: Mapping[str, object], must: Mapping[str, object]
 ) -> Iterator[tuple[str, object, object]]:
-    """Yield fields of which the values are not the same, by name, with both."""
+    """Yield fields with different values: name and both values."""
     for name in sorted({*proven, *must}):
         if proven.get(name) != must.get(name):
             yield name, proven.get(name), must.get(name)
 
 
 def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of a proof, with files that the command line names in place of its own.
+    """Return the options of a proof, with files of the command line instead of recorded ones.
 
     Raises
     ------
     InputError
-        It names another file: what is in that is not for a message.
+        The proof names a file that the command line does not name. Its content is not shown.
     UsageError
-        It has no such option.
+        The proof does not have the option.
     """
     options = dict(recorded)
     for name, value in recorded.items():

@@ -1,4 +1,4 @@
-"""Helpers for arrays: ranges, batches, a median, records whose arrays cannot be written to."""
+"""Helpers for arrays: ranges, batches, a median, and records with read-only arrays."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
@@ -21,7 +21,7 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
 
 
 def stretches(count: Ints, size: int) -> Ints:
-    """Return where to cut items of so many things into stretches of about `size`, and the end."""
+    """Return the begins, and the end, of stretches of items with a total count of about `size`."""
     before = np.cumsum(count) - count
     begins: Ints = np.append(np.flatnonzero(np.diff(before // size, prepend=-1)), len(count))
     return begins
@@ -30,7 +30,7 @@ def stretches(count: Ints, size: int) -> Ints:
 def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) -> Iterator[list[T]]:
     """Yield the items in lists of at least `batch_size` together, except for the last.
 
-    It is one list, emptied before more is put in: no two batches are in memory together.
+    The same list is emptied and filled again, so that only one batch is in memory.
     """
     batch: list[T] = []
     total = 0
@@ -46,23 +46,23 @@ def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) ->
 
 
 def places_of(flags: NDArray[np.generic]) -> NDArray[np.intp]:
-    """Return `np.flatnonzero` of an array of one axis; one call is fast for small ones."""
+    """Return `np.flatnonzero` of an array with one axis, with less overhead for small arrays."""
     return flags.nonzero()[0]
 
 
 def index_type(size: int) -> type[np.integer]:
-    """Return the type of positions among so many: 32 bits if that is enough."""
+    """Return the integer type for positions up to a count: 32 bits if they are enough."""
     return np.int32 if size < 2**31 else np.int64
 
 
 def median(values: NDArray[np.number]) -> float:
-    """Return the median without np.median, which imports numpy.ma, slower than all else."""
+    """Return the median, without np.median, whose import of numpy.ma is slow."""
     ordered = np.sort(values)
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
 
 
 def freeze(record: object) -> None:
-    """Put views that cannot be written to in the place of the arrays of a new frozen record."""
+    """Replace the arrays of a new frozen record by read-only views."""
     for name, value in list(vars(record).items()):
         if isinstance(value, np.ndarray):
             frozen = value.view()

@@ -14,9 +14,9 @@ from tgospa_eval.common.files import reason
 
 
 def compiled(name: str) -> Any:
-    """Import an extension module; None without it, when everything works, but more slowly.
+    """Import an extension module; return None without it, and slower code is used.
 
-    ``TGOSPA_EVAL_KERNEL=numpy`` leaves all aside.
+    ``TGOSPA_EVAL_KERNEL=numpy`` disables all extension modules.
     """
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
@@ -46,7 +46,7 @@ NO_MEMORY = (
     "start new thread",
     "without exception set",
 )
-"""Messages of systems, loaders of libraries and Python where there is none left."""
+"""Messages of systems, loaders of libraries and Python for a lack of memory."""
 
 
 def available_memory() -> int | None:
@@ -59,7 +59,7 @@ def available_memory() -> int | None:
 
 
 def machine_memory() -> int | None:
-    """Return the bytes of memory of the machine, or of its container if that has less."""
+    """Return the bytes of memory of the machine, or of its container if it has less."""
     sizes = []
     with suppress(OSError, ValueError, AttributeError):
         sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
@@ -69,7 +69,7 @@ def machine_memory() -> int | None:
 
 
 def release_freed() -> None:
-    """Give what was freed back to the system, where the C library and Arrow would keep it."""
+    """Return freed memory to the system, which the C library and Arrow would keep."""
     import ctypes  # lazy: only data in parts need it
 
     if "pyarrow" in sys.modules:
@@ -79,7 +79,7 @@ def release_freed() -> None:
 
 
 def is_of_memory(error: BaseException | None) -> bool:
-    """Return whether an error, or its cause, is a lack of memory; libraries raise their own."""
+    """Return whether an error, or its cause, is a lack of memory, also from libraries."""
     while error is not None:
         if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
             return True
@@ -104,7 +104,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Results for each thread that wait to be taken, so that they take no more memory than that."""
+"""Largest number of waiting results for each thread, which limits their memory."""
 
 
 def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:
@@ -113,11 +113,11 @@ def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterat
     Parameters
     ----------
     work : callable
-        Called in any of the threads.
+        Function that is called in any of the threads.
     items : iterable
-        What it is called with.
+        Arguments of the calls.
     threads : int
-        With 1 none is started.
+        Number of threads; with 1 no thread is started.
     """
     if threads <= 1:
         yield from map(work, items)

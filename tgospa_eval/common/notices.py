@@ -11,18 +11,18 @@ from tgospa_eval.text import visible
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """A sentence for the user; with a code it is a warning, which every output shows.
+    """Sentence for the user; with a code it is a warning, which every output shows.
 
-    What it quotes is made visible, as in an error.
+    Quoted text is made visible, as in errors.
 
     Parameters
     ----------
     text : str
-        What was seen, without a full stop.
+        The sentence, without a full stop.
     code : str
-        Of a warning, for scripts: ``"unit-scale"``; see docs/reference/json.md. Blank otherwise.
+        Code of a warning: ``"unit-scale"``; see docs/reference/json.md. Blank for a notice.
     remedy : str
-        What would be right.
+        What to do.
     """
 
     text: str
@@ -46,7 +46,7 @@ class Notice:
         return {"code": self.code, "text": self.text, "remedy": self.remedy}
 
     def about(self, name: str) -> "Notice":
-        """Return the same notice, with the name of a file or a pair in front."""
+        """Return the notice with the name of a file or a pair at its begin."""
         return Notice(text=f"{name}: {self.text}", code=self.code, remedy=self.remedy)
 
 
@@ -56,11 +56,11 @@ def messages_of(settings_file: object | None, warnings: Iterable[Notice]) -> lis
 
 
 NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
-"""Packages whose frames are between a warning and the line of the user."""
+"""Packages whose frames lie between a warning and the line of the user."""
 
 
 def warn_user(notices: Iterable[Notice]) -> None:
-    """Issue a Python warning for each notice, at the line of the user that led to it."""
+    """Issue a Python warning for each notice, at the line of the user that caused it."""
     level, frame = 2, sys._getframe(1).f_back
     while frame and str(frame.f_globals.get("__name__")).partition(".")[0] in NOT_OF_THE_USER:
         level, frame = level + 1, frame.f_back

@@ -1,8 +1,8 @@
-"""Patterns of paths with fields: ``runs/{tracker}/{sequence}.txt``, and which files are meant.
+"""Patterns of paths with fields, ``runs/{tracker}/{sequence}.txt``, and the files that match.
 
-Knows no content of a file but of those that say what this program wrote. A file of MATLAB has
-variables, ``study.mat:X``, and cells: ``study.mat:Y{run}`` is like ``Y{1}``, ``Y{2}`` and so on, as
-in MATLAB itself. Which there are is told by `Inside`.
+Files are not opened, except manifests of this program. A file of MATLAB has variables,
+``study.mat:X``, and cells: ``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB.
+`Inside` lists the variables and cells.
 """
 
 import functools
@@ -16,13 +16,13 @@ from tgospa_eval.common.words import counted
 FIELD = r"\{([A-Za-z_]\w*)\}"
 
 WITH_VARIABLES = r"(?s:(.+\.(?i:mat(?:\.gz|\.gzip|\.zst|\.zstd)?))):"
-"""Pattern of a file that has variables, before the name of one."""
+"""Pattern of a file with variables, before the name of a variable."""
 
 Inside = Callable[[str], Iterable[str]]
-"""Names of what can be read of such a file."""
+"""Function that returns the names of variables and cells of a file."""
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
-"""Reasons for which a file is passed over."""
+"""Reasons for which a file is skipped."""
 
 
 def fields(pattern: str) -> list[str]:
@@ -40,8 +40,8 @@ def matching_paths(
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the paths that match a pattern below a folder, in order, with the values of its fields.
 
-    A field is one part of a path, or a piece of one, and the same wherever it is named. Names that
-    begin with a dot have to be written with it.
+    A field matches one part of a path, or a piece of one, and has the same value everywhere. Names
+    that begin with a dot match only a dot in the pattern.
     """
     for path, values in _all(pattern, folder, inside):
         if _dotted(pattern, path) is None:
@@ -56,31 +56,31 @@ def match_files(
     truth: tuple[str, str] | None = None,
     inside: Inside = lambda _: (),
 ) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
-    """Return the files that a pattern is for: not all that happen to match it.
+    """Return the files that a pattern selects; it does not select all files that match.
 
-    What is in the store of a batch, and what a run wrote into its folder, is meant if the pattern
-    names that folder without a field. A truth is no estimate, unless the estimates have no field of
-    their own.
+    Files in the store of a batch, or in a folder of results, are selected only if the pattern names
+    that folder without a field. A truth is not selected as an estimate, unless both patterns have
+    the same fields.
 
     Parameters
     ----------
     pattern : str
         The pattern.
     folder : str
-        Below which it holds.
+        Folder to which the pattern is relative.
     output : str, optional
-        The folder that is written: it is a store.
+        Folder of output, which is a store.
     truth : pair of str, optional
-        Of estimates: the pattern of the truths, and the folder below which that holds.
+        For estimates, the pattern of the truths and the folder to which it is relative.
     inside : callable
-        Names of the runs in a file.
+        Function that returns the names of the runs in a file.
 
     Returns
     -------
     list of (str, dict)
-        Paths, and what the fields stand for.
+        Paths, and the values of the fields.
     dict of str to str
-        Of what was passed over a sentence, by the reason.
+        A sentence about skipped files for each reason.
     """
     from tgospa_eval.common.writing import results_in  # lazy: reading one pair does without
 
@@ -124,7 +124,7 @@ def match_files(
 
 
 def _dotted(pattern: str, path: str) -> str | None:
-    """Return the pattern with the dots that names of this path begin with; None without any."""
+    """Return the pattern with the leading dots of names in this path; None without such names."""
     if path[:1] != "." and "/." not in _slashed(path):  # most paths have no dots
         return None
     pairs = list(zip(_slashed(pattern).split("/"), _slashed(path).split("/"), strict=True))
@@ -135,7 +135,7 @@ def _dotted(pattern: str, path: str) -> str | None:
 
 
 def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
-    """Yield the folders of a path that a field stands for, each with the rest of the path."""
+    """Yield the folders of a path that match a field, each with the rest of the path."""
     parts = _slashed(path).split("/")
     named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
     for k in range(named + 1, len(parts)):
@@ -147,7 +147,7 @@ def _slashed(path: str) -> str:
 
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield what `matching_paths` does, and names that begin with a dot for a field."""
+    """Yield the paths of `matching_paths`, and those in which a field begins with a dot."""
     import glob  # lazy: the name of a file is no pattern
 
     file, variable = _split(pattern)
@@ -181,7 +181,7 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 
 @functools.lru_cache
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
-    """Return the regular expression of a pattern, for thousands of paths."""
+    """Return the regular expression of a pattern."""
     file = _split(pattern)[0]
     parts = re.split(FIELD, _of_cell(pattern))
     shape, named, size = "", set(), 0

@@ -1,6 +1,6 @@
 """Progress of long work, and ways to stop it before its end.
 
-Those who do the work write it, whoever waits for it reads it; where nobody does, nothing is kept.
+Work writes its progress, and displays read it; without a display nothing is kept.
 """
 
 import threading
@@ -31,44 +31,44 @@ class Status(StrEnum):
 
     @property
     def good(self) -> bool:
-        """True if there was nothing left to do."""
+        """True if the work was finished."""
         return self in (Status.SOLVED, Status.MET)
 
 
 T = TypeVar("T")
 
 SOON, PACE = 1.0, 0.5
-"""Seconds before anything is shown, and until there is more."""
+"""Seconds before the first progress, and between updates."""
 
 
 class StoppedError(Exception):
-    """Work that cannot be stopped was left behind."""
+    """Error that work which cannot be stopped was abandoned."""
 
 
 class Progress:
-    """Progress of the work, and whether it is to stop.
+    """Progress of the work, and the request to stop it.
 
     Parameters
     ----------
     watched : bool
-        Whether anyone looks.
+        Whether the progress is displayed.
     stop : Event, optional
-        That of other work, to be stopped together.
+        Event of other work that is stopped together with this one.
 
     Attributes
     ----------
     stop : Event
-        Set when the work is to stop.
+        Event that is set when the work must stop.
     stoppable : bool
-        Whether it would come to an end with a result then.
+        Whether stopped work still gives a result.
     name : str
-        Which part it is at.
+        Name of the current part.
     share : float
-        How much is done, 0 to 1.
+        Share of the part that is done, 0 to 1.
     bracket : pair of float, optional
-        Proven bounds of TGOSPA, of the part if there are several.
+        Proven bounds of TGOSPA, of the current part if there are several.
     left : float, optional
-        Seconds that the part will take yet, about.
+        Estimated seconds until the end of the part.
     """
 
     def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
@@ -85,11 +85,11 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """True if it is time to show what is proven."""
+        """True if it is time to show the proven bounds."""
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
-        """Return a progress for inner work: stopped together with this one, and shown to nobody."""
+        """Return a hidden progress for inner work, which stops together with this one."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
@@ -98,7 +98,7 @@ class Progress:
 
     @contextmanager
     def part(self, name: str, number: int, count: int) -> Iterator[None]:
-        """Be at one of so many parts, the first is 0."""
+        """Begin a part of a number of parts, counted from 0."""
         outer, around = self._span, self.name
         self._span = (outer[0] + outer[1] * number / count, outer[1] / count)
         self.name, self.bracket = f"{name}, {number + 1} of {count}", None
@@ -110,19 +110,19 @@ class Progress:
             self._span, self.name, self.bracket = outer, around, None
 
     def done(self, share: float) -> None:
-        """Report how much of the part is done."""
+        """Report the share of the part that is done."""
         share = self._span[0] + self._span[1] * share
         if self.watched:
             self.share = max(share, self.share)
 
     def again(self, name: str, share: float) -> None:
-        """Report how far another piece of work is, which begins where nothing of it is done."""
+        """Report the share of the next piece of work, which begins at 0."""
         if self.name != name:
             self.name, self.share = name, 0.0
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:
-        """Report what is proven of the total cost, in units of the cutoff."""
+        """Report proven bounds of the total cost, in units of the cutoff."""
         bracket = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
         if self.bracket is not None:  # keep what was proven before
             bracket = max(bracket[0], self.bracket[0]), min(bracket[1], self.bracket[1])
@@ -130,12 +130,12 @@ class Progress:
         self._due = max(self._due, time.monotonic() + PACE)
 
     def in_thread(self, work: Callable[[], T]) -> T:
-        """Do work that cannot be stopped in a thread of its own.
+        """Do work that cannot be stopped in a thread.
 
         Raises
         ------
         StoppedError
-            It was to stop: the work goes on, and nobody waits for it.
+            The work must stop; its thread continues, and its result is not used.
         """
         if not self.watched:
             return work()
@@ -147,7 +147,7 @@ class Progress:
 
 
 class BackgroundTask(Generic[T]):
-    """Work that has begun in a thread of its own, which does not keep the process from ending."""
+    """Work in a daemon thread, which does not keep the process from ending."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         self._work = work
@@ -163,7 +163,7 @@ class BackgroundTask(Generic[T]):
             self._failure.append(error)
 
     def wait(self, seconds: float) -> bool:
-        """Return whether the task has ended, after so many seconds at most."""
+        """Wait at most so many seconds; return whether the task has ended."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
@@ -176,14 +176,14 @@ class BackgroundTask(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Until when to go on.
+    """End of the time for solving.
 
     Parameters
     ----------
     deadline : float, optional
-        On the clock of `time.monotonic`.
+        Time on the clock of `time.monotonic`.
     progress : Progress
-        Which may be asked to stop.
+        Progress that may have a request to stop.
     """
 
     deadline: float | None = None
@@ -191,12 +191,12 @@ class Limit:
 
     @classmethod
     def of(cls, seconds: float | None, progress: Progress) -> "Limit":
-        """Return a limit of so many seconds from now on; None is no limit."""
+        """Return a limit of so many seconds from now; None means no limit."""
         deadline = None if seconds is None else time.monotonic() + seconds
         return cls(deadline=deadline, progress=progress)
 
     def left(self) -> float | None:
-        """Return the seconds left, at least 0; None is no limit."""
+        """Return the seconds left, at least 0; None means no limit."""
         if self.progress.stop.is_set():
             return 0.0
         return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
@@ -209,7 +209,7 @@ class Limit:
 
     @property
     def status(self) -> Status:
-        """Reason for which no time is left."""
+        """Reason for the end of the time."""
         return Status.INTERRUPTED if self.progress.stop.is_set() else Status.LATE
 
 
@@ -218,31 +218,31 @@ class Limit:
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
-"""Seconds of work that show its pace; of what is left, from which on the user is notified."""
+"""Seconds of work that show its pace, and seconds of remaining work that make a notice useful."""
 
 
 class Stopwatch:
-    """Adds up the seconds spent under each name; a name may be a path, ``"solve/lp"``.
+    """Clock that adds up seconds under names; a name may be a path, ``"solve/lp"``.
 
     Parameters
     ----------
     clock : callable, optional
-        Returns seconds; replaced in tests.
+        Function that returns seconds; replaced in tests.
 
     Attributes
     ----------
     spans : dict
         Seconds by name.
     work : int
-        States times half sweeps that were done.
+        Product of states and half sweeps that were done.
     busy : float
-        Seconds of all threads together that the sweeps took.
+        Seconds of the sweeps, added over all threads.
     stage : str
-        Name of the innermost span that is open, for progress.
+        Name of the innermost open span, for progress.
     notify : callable
-        Takes a sentence for the user, before work that takes long; does nothing by default.
+        Callable that receives a sentence for the user before long work; by default it does nothing.
     progress : Progress
-        Of the work that is timed.
+        Progress of the timed work.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -268,7 +268,7 @@ class Stopwatch:
 
     @contextmanager
     def showing(self, stage: str = "") -> Iterator[None]:
-        """Show another stage, or those that are named inside, until the end of the block."""
+        """Show another stage, or stages named inside the block, until its end."""
         outer, self.stage = self.stage, stage or self.stage
         try:
             yield
@@ -278,10 +278,10 @@ class Stopwatch:
     def paced(
         self, pieces: Iterable[T], works: Iterable[float], what: str, hint: str = ""
     ) -> Iterator[T]:
-        """Pass on pieces of work as they are done, and say how long the others take at their pace.
+        """Yield pieces of work as they are done, and report the time for the remaining pieces.
 
-        Measured where it matters: these pieces on this machine, as busy as it is. `works` is how
-        much each of them is, in any unit; `what` all of them are.
+        The time follows from the finished pieces on this machine. `works` has the amount of work of
+        each piece, in any unit; `what` names the work.
         """
         works = list(works)
         begin, first, done, whole, announced = -1.0, 0.0, 0.0, sum(works), False
@@ -302,17 +302,17 @@ class Stopwatch:
             self.progress.left = None
 
     def add(self, name: str, seconds: float) -> None:
-        """Add seconds that were measured elsewhere."""
+        """Add seconds that another clock measured."""
         self.spans[name] = self.spans.get(name, 0.0) + seconds
 
     def beside(self) -> "Stopwatch":
-        """Return a new stopwatch for a part of the work, which notifies and stops like this one."""
+        """Return a new stopwatch for a part of the work, with the same notices and stop."""
         part = Stopwatch(self._clock)
         part.notify, part.progress = self.notify, self.progress
         return part
 
     def absorb(self, other: "Stopwatch") -> None:
-        """Add what another one measured."""
+        """Add the measurements of another stopwatch."""
         for name, seconds in other.spans.items():
             self.add(name, seconds)
         self.work += other.work

@@ -1,6 +1,6 @@
-"""Registry of a kind by name: ours, and those that other packages declare as entry points.
+"""Registry of members by name, of this package and of entry points of other packages.
 
-Imports nothing heavy: the command line needs the names for its help.
+It imports nothing heavy, because the command line needs the names for its help.
 """
 
 import os
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class EntryPoint(NamedTuple):
-    """A line of the ``entry_points.txt`` of an installed package."""
+    """Line of the ``entry_points.txt`` of an installed package."""
 
     package: str
     group: str
@@ -31,18 +31,18 @@ class EntryPoint(NamedTuple):
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Registry by name, imported when they are asked for.
+    """Registry of members by name, which are imported when they are used.
 
     Parameters
     ----------
     kind : str
-        The kind of the members, for messages.
+        Kind of the members, for messages.
     group : str
-        Entry points of other packages.
+        Group of the entry points of other packages.
     own : dict of str to str
-        Ours, in the same form: ``"module:attribute"``.
+        Members of this package, in the same form: ``"module:attribute"``.
     make : callable
-        The member of a name and an attribute.
+        Function that makes a member from a name and an attribute.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     @property
     def outside(self) -> dict[str, list[EntryPoint]]:
-        """Members of other packages by name; several of one name are in doubt."""
+        """Members of other packages by name; a name may have several."""
         members: dict[str, list[EntryPoint]] = {}
         for point in _entry_points(tuple(sys.path)):
             if point.group == self.group:
@@ -82,7 +82,7 @@ class Registry(Mapping[str, T], Generic[T]):
             return self._load(name, points[0].place)
 
     def ours(self, name: str) -> T:
-        """Return a member of this package, whatever others declare, when nobody named one."""
+        """Return a member of this package, even if another package declares the same name."""
         return self._load(name, self.own[name])
 
     def chosen(self, name: object) -> T:
@@ -91,7 +91,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises
         ------
         ConfigError
-            There is none of this name, or several, or its package does not work.
+            No member or several members have this name, or the package of the member fails.
         """
         if not isinstance(name, str) or name not in self:
             raise ConfigError(f"no {self.kind} {quoted(name)}; there are {', '.join(self)}")
@@ -142,7 +142,7 @@ def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
 def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """Return the entry points of all packages in folders of the search path.
 
-    Without importlib.metadata, which takes a third of the time of ``--help``.
+    importlib.metadata is not used, because it takes a third of the time of ``--help``.
     """
     packages: dict[str, list[EntryPoint]] = {}
     for folder in folders:

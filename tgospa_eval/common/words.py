@@ -1,4 +1,4 @@
-"""Words of messages and reports: counts with their nouns, what to install, their order."""
+"""Words of messages and reports: counts with nouns, commands to install, natural order."""
 
 import math
 import re
@@ -9,23 +9,23 @@ from importlib.util import find_spec
 from tgospa_eval.errors import ConfigError
 
 THOUSANDS = 1e9
-"""Up to here a number is written out."""
+"""Largest number that is written with commas."""
 
 
 PLAIN_DECIMAL = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-"""A number as people write it; Python also takes 1_0, digits of any script, nan and inf."""
+"""Pattern of a plain decimal; Python also accepts 1_0, digits of any script, nan and inf."""
 
 PLAIN_WHOLE = "[-+]?[0-9]{1,30}"
 
 
 def parsed(text: str) -> float | None:
-    """Parse a plain decimal to a finite number; None for any other text."""
+    """Parse a plain decimal to a finite number; return None for any other text."""
     value = float(text) if re.fullmatch(PLAIN_DECIMAL, text.strip()) else math.inf
     return value if math.isfinite(value) else None
 
 
 def parsed_whole(text: str) -> int | None:
-    """Parse a plain integer; None for any other text."""
+    """Parse a plain integer; return None for any other text."""
     return int(text) if re.fullmatch(PLAIN_WHOLE, text.strip()) else None
 
 
@@ -33,16 +33,16 @@ BYTES_OF = {"": 10**9, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 BYTES_OF |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
 
 MIN_MEMORY = 100 * 10**6
-"""Bytes with which a process can work at all."""
+"""Least number of bytes with which a process can work."""
 
 
 def parsed_size(value: object) -> int:
-    """Parse a size as people write it to bytes: 4GB, 500MB, 1.5GiB; a plain number is of GB.
+    """Parse a size to bytes: 4GB, 500MB, 1.5GiB; a plain number means GB.
 
     Raises
     ------
     ConfigError
-        It is no size, or no size of a memory.
+        The text is not a size, or the size is out of the range of memories.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ConfigError(f"{value!r} is not a size; write 4GB or 500MB")
@@ -59,9 +59,9 @@ def parsed_size(value: object) -> int:
 
 
 def shortest(value: float, noise: float) -> float:
-    """Return the number of fewest digits within `noise` of the value.
+    """Return the number with the fewest digits within `noise` of the value.
 
-    A difference of stamps has the rounding of the stamps: 0.1 rather than 0.0999999.
+    A difference of timestamps has their rounding errors: 0.1 is better than 0.0999999.
     """
     shorter = (float(f"{value:.{digits}g}") for digits in range(1, 6))
     return next((short for short in shorter if abs(short - value) <= noise), value)
@@ -70,7 +70,7 @@ def shortest(value: float, noise: float) -> float:
 def number(value: float, digits: int = 6) -> str:
     """Format a value with so many significant digits, and commas between thousands.
 
-    Whole digits in front of the point are all written, rounded.
+    All digits before the point are written.
     """
     value = float(f"{value:.{digits}g}")
     if 10.0**digits <= abs(value) < THOUSANDS:
@@ -79,7 +79,7 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def plain(value: float) -> int | float:
-    """Format a number as it is typed, without a decimal point if it is whole."""
+    """Format a number as people type it, without a decimal point if it is whole."""
     return int(value) if value.is_integer() else value
 
 
@@ -91,34 +91,34 @@ def counted(number: int, one: str, many: str = "") -> str:
     number : int
         The count.
     one : str
-        The noun for one of them, with what follows: ``"row has"``.
+        Singular noun with the words that follow: ``"row has"``.
     many : str
-        The same for any other number, ``"rows have"``.
+        Plural with the same words: ``"rows have"``.
     """
     return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
 def sizes_in_words(sizes: Mapping[str, int]) -> str:
-    """Format the numbers of truths, estimates and steps."""
+    """Format the numbers of true objects, estimates and steps."""
     nouns = {"truth": "ground-truth object", "estimates": "estimate", "steps": "step"}
     return ", ".join(counted(sizes[name], noun) for name, noun in nouns.items())
 
 
 def more(count: int) -> str:
-    """Format how many mistakes of a kind there are beside the first."""
+    """Format the number of further mistakes of a kind."""
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
 def in_both(common: int, union: int) -> str:
-    """Format how many of all steps both files have."""
+    """Format the number of steps that both files have."""
     return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"
 
 
 def install(extra: str) -> str:
-    """Return the command that adds an extra to this installation, wherever it came from.
+    """Return the command that adds an extra to this installation.
 
-    pip finds the package installed and fetches only what the extra names, so it need not be on an
-    index. Environments of uv have no pip. Double quotes are such in all shells.
+    pip keeps the installed package and fetches only the packages of the extra, so the package need
+    not be on an index. Environments of uv have no pip. Double quotes work in all shells.
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
     if find_spec("pip") is None:

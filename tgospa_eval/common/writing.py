@@ -1,4 +1,4 @@
-"""Files and folders that have their names once they are whole, and locks on them."""
+"""Files and folders that get their names once they are complete, and locks on them."""
 
 import errno
 import hashlib
@@ -16,14 +16,14 @@ from tgospa_eval.common.files import named, patience, reason
 from tgospa_eval.errors import ConfigError
 
 FRESH = ".tgospa-eval-new-"
-"""Prefix of names that exist only while something is written; a process id follows."""
+"""Prefix of temporary names during writing; a process id follows."""
 
 OLD = 3600.0
-"""Seconds after which nobody writes any more."""
+"""Seconds after which a temporary name is abandoned."""
 
 
 def unique() -> str:
-    """Return a unique name for what exists only while something is written."""
+    """Return a unique temporary name."""
     return f"{FRESH}{os.getpid()}-{os.urandom(4).hex()}"
 
 
@@ -48,11 +48,11 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
     Parameters
     ----------
     output : str or Path
-        Its name then; folders above it are made.
+        Final name; folders above it are made.
     where : str
-        What the message about a full disk begins with; by default the folder.
+        Begin of the message about a full disk; by default the folder.
     shared : bool
-        Whether another process may have finished the same folder meanwhile.
+        Whether another process may finish the same folder at the same time.
 
     Raises
     ------
@@ -87,14 +87,14 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
 
 @contextmanager
 def writing_folder(output: str | Path) -> Iterator[Path]:
-    """Make a folder to write as `writing` does, where several processes may write."""
+    """Make a folder like `writing`, where several processes may write."""
     with writing(output, shared=True) as folder:
         folder.mkdir()
         yield folder
 
 
 def write_file(path: str, data: str | bytes, option: str) -> None:
-    """Write a file beside first, then rename it; `option` is for messages.
+    """Write a temporary file, then rename it; `option` is used in messages.
 
     Raises
     ------
@@ -127,14 +127,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
 def take_lock(
     file: IO[Any] | int, *, shared: bool = False, wait: bool = False, at: int = 0, size: int = 1
 ) -> bool:
-    """Lock an open file, of Windows so many bytes from there on; whether it is that of POSIX.
+    """Lock an open file, on Windows some bytes of it; return whether it is a POSIX lock.
 
     Raises
     ------
     BlockingIOError, PermissionError
-        Another process has it, and nobody waits.
+        Another process has the lock, and `wait` is false.
     OSError
-        The file system has none.
+        The file system does not support locks.
     """
     try:
         fcntl: Any = importlib.import_module("fcntl")
@@ -150,7 +150,7 @@ def take_lock(
 
 @contextmanager
 def turn(folder: Path) -> Iterator[bool]:
-    """Wait while others write a folder; yields whether they do, as not all systems can."""
+    """Wait while other processes write a folder; yield whether the system can wait."""
     is_locked, at = False, None
     try:
         with suppress(OSError):  # Windows and some network file systems refuse
@@ -175,41 +175,41 @@ MANIFEST = {
     "kind": TEXT,
     "files": [Closed({"name": TEXT, "size": COUNT, "sha256": TEXT})],
 }
-"""Description of the fields."""
+"""Description of the fields of a manifest."""
 
 STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
-"""The file by which the store of a batch is known, and its schema."""
+"""File that identifies the store of a batch, and its schema."""
 
 OF_DATA = ("simulate", "proof")
-"""Kinds of folders whose files are truths and estimates."""
+"""Kinds of folders whose files are truth and estimate."""
 
 
 FileEntry = tuple[str, int, str]
-"""A file as it was written: its path in the folder, with slashes, its bytes and their SHA-256."""
+"""Written file: path in the folder with slashes, number of bytes, and SHA-256."""
 
 
 def entry(folder: Path, name: str) -> FileEntry:
-    """Return the entry of a file."""
+    """Return the entry of a file in the manifest."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return name, (folder / name).stat().st_size, digest
 
 
 def text_of(kind: str, files: Iterable[FileEntry]) -> str:
-    """Return the manifest of a folder of this kind; names repeat while they change."""
+    """Return the manifest of a folder; a name is repeated while its file is replaced."""
     listed = [dict(zip(("name", "size", "sha256"), entry, strict=True)) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 
 def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
-    """Return the entries of a folder of this kind; None if it is none."""
+    """Return the entries of a folder of this kind; None for any other folder."""
     own, entries = _read(folder)
     return entries if own == kind else None
 
 
 def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
-    """Return the kind of a folder, if it has a manifest, and its entries."""
+    """Return the kind of a folder with a manifest, and its entries."""
     try:
         document = checked((folder / NAME).read_bytes(), MANIFEST)
     except (FileNotFoundError, IsADirectoryError, ValueError):
@@ -220,7 +220,7 @@ def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
 
 
 def results_in(folder: Path) -> Callable[[str], bool]:
-    """Return a test of paths in a folder: whether they are results. In a store all are."""
+    """Return a function that tells whether a path in a folder is a result; in a store all are."""
     with suppress(OSError, ValueError):
         checked((folder / STORE).read_bytes(), {"schema": one_of(STORE_SCHEMA)})
         return lambda _: True
@@ -231,7 +231,7 @@ def results_in(folder: Path) -> Callable[[str], bool]:
 
 
 def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
-    """Return the names of files that are still as they were written."""
+    """Return the names of files that were not changed since they were written."""
     return {
         known[0]
         for known in listed
@@ -242,16 +242,17 @@ def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
 
 
 def visible(path: Path) -> Iterator[Path]:
-    """Iterate over a folder without what an interrupted run has left."""
+    """Iterate over a folder without temporary files of an interrupted run."""
     return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
 def replace_files(
     fresh: Path, path: Path, files: Collection[FileEntry], kind: str, document: str
 ) -> int:
-    """Replace files of a folder by new ones; meanwhile the manifest lists both.
+    """Replace the files of a folder; during this time the manifest lists old and new files.
 
-    Returns how many of an older run were taken away. The document goes first and comes last.
+    Return the number of removed files of an older run. The document is removed first and written
+    last.
     """
     names = {name for name, *_ in files}
     for name in names:  # errors appear before anything is removed
@@ -274,5 +275,5 @@ def replace_files(
 
 
 def _is_below(path: PurePosixPath) -> bool:
-    """Return whether a path, taken from a folder, stays in it."""
+    """Return whether a path that is relative to a folder stays inside it."""
     return not path.is_absolute() and path.name != "" and ".." not in path.parts

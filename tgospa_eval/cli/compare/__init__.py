@@ -1,4 +1,4 @@
-"""``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
+"""``tgospa-eval compare TRUTH ESTIMATE...``: comparison of estimates or of solvers."""
 
 from functools import partial
 from typing import Any
@@ -14,21 +14,21 @@ from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
-"""Options of everything that evaluates that this verb has not, or in another form; `by` is hidden,
-for it may come from a settings file."""
+"""Options of evaluations that this verb lacks or has in another form. `by` is hidden, because it
+may come from a settings file."""
 
 OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in click_builder.EVALUATION if item.key not in ELSEWHERE]
 OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
-"""Parameters that mean nothing in the other case."""
+"""Parameters that apply to data files only."""
 
 OF_RESULTS = {
     *("files", "format_", "columns_of_table", "output", "force", "config", "quiet"),
     *("pictures", "style"),
 }
-"""Parameters that mean something where saved results are ranked."""
+"""Parameters that apply to a ranking of saved results."""
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
@@ -179,7 +179,7 @@ def command(
 
 
 def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
-    """Return whether saved results are to be ranked, with options that mean something there."""
+    """Return whether to rank saved results; check that the options apply to them."""
     from tgospa_eval.api.compare import are_saved
 
     if not files or not are_saved(files):

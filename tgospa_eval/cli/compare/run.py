@@ -1,4 +1,4 @@
-"""A comparison to stdout, and to the folder that was asked for."""
+"""Output of a comparison to stdout and to the folder of ``-o``."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,10 +37,10 @@ from tgospa_eval.text import quoted
 Number = TypeVar("Number", int, float)
 
 MakeSolvers = Callable[..., list[Solver]]
-"""`make_solvers` of what was asked for; gets the default names and temperatures."""
+"""`make_solvers` for the options; it receives the default names and temperatures."""
 
 TEMPERATURES = "0.1,0.05,0.03,0.01"
-"""Temperatures of sinkhorn where none are given."""
+"""Default temperatures of sinkhorn."""
 
 
 def show(
@@ -49,7 +49,7 @@ def show(
     subject: Any = None,
     tables: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
-    """Print the document, and write the folder if one was asked for.
+    """Print the document, and write the folder of ``-o`` if requested.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def show(
     output : OutputOptions
         What to print, and where to write.
     subject : object, optional
-        What pictures are of; the document by default.
+        Data of the pictures; the document by default.
     tables : callable
-        Makes further files by name.
+        Callable that returns further files by name.
     """
     kind = STUDY if answer["kind"] == "study" else COMPARISON
     answer |= settings_field(output.config)
@@ -104,7 +104,7 @@ def make_solvers(
     Raises
     ------
     ConfigError
-        A name is not that of a solver, a temperature is no number, or one is a duplicate.
+        A solver is unknown, a temperature is not a number, or one of them is a duplicate.
     """
     limits = {"time_limit": request.time_limit}
     sweeping = {"gap": request.gap, "jobs": request.jobs, **limits}
@@ -128,7 +128,7 @@ def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> li
     Raises
     ------
     ConfigError
-        A part between commas is no number of this kind.
+        A part between commas is not a number of this kind.
     """
     values: list[Number] = []
     for part in map(str.strip, text.split(",")):
@@ -141,12 +141,12 @@ def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> li
 
 
 def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -> PairReader:
-    """Return the reader of these files, once all are there and the folder can be written.
+    """Return the reader of these files, after checks that all exist and the folder can be written.
 
     Raises
     ------
     TgospaError
-        A file is missing, or a folder; the folder cannot be written, an option has no meaning.
+        A file is missing or is a folder, the folder cannot be written, or an option does not apply.
     """
     for path in paths:
         place = find_place(path)
@@ -171,7 +171,7 @@ def compare_estimates(
     *,
     per_step: bool,
 ) -> bool:
-    """Rank estimates of one truth, or of that of each run; whether all did what was asked.
+    """Rank estimates of one truth, or of one truth a run; return whether all reached the accuracy.
 
     Raises
     ------
@@ -205,13 +205,13 @@ def compare_estimates(
 
 
 def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
-    """Rank saved results by their proven brackets; whether all did what was asked of them."""
+    """Rank saved results by their proven brackets; return whether all reached the accuracy."""
     probed(output, COMPARISON, "estimates")
     return show_ranking(rank_saved(files, notifier(quiet=output.quiet)), output)
 
 
 def show_ranking(ranking: Ranked, output: OutputOptions) -> bool:
-    """Print and write a ranking; whether all evaluations did what was asked."""
+    """Print and write a ranking; return whether all evaluations reached the accuracy."""
     answer, entrants = ranking
     compared = Compared(document=answer, entrants=entrants)
 
@@ -245,7 +245,7 @@ def compare_files(
 ) -> bool:
     """Run one pair through several solvers; return whether all finished as requested, and agree.
 
-    `spare` leaves out a referee that would take minutes.
+    `spare` omits an exact reference that takes minutes.
 
     Raises
     ------
@@ -289,12 +289,12 @@ def study_sizes(
 ) -> bool:
     """Run the scaling study; return whether all finished as requested, and agree.
 
-    Lists of numbers are texts with commas. The tracker is the one that ``simulate`` has by default.
+    Lists of numbers are texts with commas. The tracker is the default of ``simulate``.
 
     Raises
     ------
     TgospaError
-        An option has no meaning, or the folder is of another study or cannot be written.
+        An option does not apply, or the folder has another study or cannot be written.
     """
     folder, quiet = output.output, output.quiet
     probed(output, STUDY, "study")

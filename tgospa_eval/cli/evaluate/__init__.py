@@ -15,11 +15,11 @@ FOR_PARTS = (
     "evaluations: tgospa-eval batch"
 )
 MANY = 8
-"""Files that are too many for a message."""
+"""Number of files that a message cannot list."""
 
 
 class Files(Verb):
-    """Proposes the verb that takes one file, or more than two."""
+    """Arguments that propose another verb for one file, or for more than two."""
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
@@ -139,12 +139,12 @@ def command(
 def _check(
     chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
 ) -> None:
-    """Check that options go together.
+    """Check that options can be combined.
 
     Raises
     ------
     UsageError
-        They do not.
+        Two options exclude each other.
     """
     for name in click_builder.OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):

@@ -1,4 +1,4 @@
-"""``evaluate`` of data in parts: what is not supported there, progress, Ctrl-C, the result."""
+"""``evaluate`` of data in parts: unsupported options, progress, Ctrl-C and output."""
 
 import hashlib
 import json
@@ -32,20 +32,20 @@ from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 from tgospa_eval.show.files import WORK_FOLDER, WORK_LOG
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
-"""Names in the folder of -o that must not be of others."""
+"""Names in the folder of ``-o`` that other files must not have."""
 
 
 def evaluate_parts(
     paths: tuple[str, str], options: Request, output: OutputOptions, why: str
 ) -> bool:
-    """Evaluate data in parts, print and write; whether the asked accuracy was reached.
+    """Evaluate data in parts, print and write; return whether the accuracy was reached.
 
     Parameters
     ----------
     paths : pair of str
         Truth and estimate.
     options, output : Request, OutputOptions
-        What is asked for; `check_parts` found it possible.
+        Request and outputs, which `check_parts` has accepted.
     why : str
         Why the data are read in parts.
 
@@ -93,7 +93,7 @@ def evaluate_parts(
 
 
 def _interrupted(progress: Progress, output: OutputOptions) -> str:
-    """Say what is known, and how to go on."""
+    """Report the progress of interrupted work, and how to resume it."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
         return f"{proven}with -o DIR finished parts are kept, and the same command resumes"
@@ -107,12 +107,12 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
 
 @contextmanager
 def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
-    """Yield the folder of work: in that of -o, where it is found again; else a temporary one.
+    """Yield the folder of work: in the folder of ``-o``, so that it can be resumed, else temporary.
 
     Raises
     ------
     ConfigError
-        There is one of another evaluation, or it cannot be written.
+        The folder has the work of another evaluation, or cannot be written.
     """
     if output.output is None:
         with tempfile.TemporaryDirectory(prefix="tgospa-eval-", ignore_cleanup_errors=True) as made:
@@ -142,12 +142,12 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
-    """See that what is there is of this evaluation, or begin it.
+    """Check that existing work is of this evaluation, or begin it.
 
     Raises
     ------
     ConfigError
-        It is of another evaluation or not ours, or it cannot be written.
+        The folder has the work of another evaluation or other files, or cannot be written.
     """
     log, where = work.parent / WORK_LOG, f"--output {output.output}"
     with named(where, ConfigError, "cannot be written"):
@@ -165,14 +165,14 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
 
 
 def _empty(work: Path) -> None:
-    """Remove all but the lock; what is done loses its name first, and the log goes last.
+    """Remove all but the lock: finished parts are renamed first, and the log is removed last.
 
-    However this is broken off, nothing that is of one evaluation passes for that of another.
+    So an interruption never leaves parts of one evaluation that look like parts of another.
 
     Raises
     ------
     OSError
-        Something cannot be moved.
+        A file cannot be moved.
     """
     log = work.parent / WORK_LOG
     with removing(work):
@@ -189,12 +189,12 @@ def _remove(work: Path) -> None:
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
-    """Return whether work is of this evaluation; it is thrown away where data changed.
+    """Return whether existing work is of this evaluation; it is removed if the data changed.
 
     Raises
     ------
     ConfigError
-        It is of another.
+        The work is of another evaluation.
     """
     try:
         old = checked(log.read_bytes(), {})
@@ -225,7 +225,7 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
 
 
 def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
-    """Return what must be the same for the same work; as JSON gives it back."""
+    """Return the values that identify the work, as JSON reads them."""
     sha = hashlib.sha256()
     for path in paths:
         for file, status in stored(path):

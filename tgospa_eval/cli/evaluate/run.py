@@ -29,7 +29,7 @@ def evaluate_files(
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
 ) -> tuple[Evaluation, bool]:
-    """Read, evaluate, and report whether the asked accuracy was reached.
+    """Read and evaluate; return whether the requested accuracy was reached.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def evaluate_files(
     output : OutputOptions
         What to print, and where to write.
     output_line : callable
-        What to do with a line for the user; by default it goes to stderr.
+        Callable that receives a line for the user; by default it is written to stderr.
 
     Raises
     ------
     TgospaError
-        Something is wrong with options or files.
+        An option or a file is wrong.
     """
     resolved = resolve_request(options)
     limit = resolved.evaluation.memory
@@ -82,16 +82,16 @@ def evaluate_files(
 
 
 def explained(result: Evaluation, output: OutputOptions, top: int | None = None) -> "Explanation":
-    """Return the repairs of an estimate that was read from a file, `top` of them at most.
+    """Return at most `top` repairs of an estimate that was read from a file.
 
     Parameters
     ----------
     result : Evaluation
-        Of all classes together.
+        Result of all classes together.
     output : OutputOptions
         Whether progress is shown, and seconds.
     top : int
-        How many to list; as many as of `tgospa_eval.explain` by default.
+        Number of repairs to list; the default is that of `tgospa_eval.explain`.
     """
     from tgospa_eval.explain import TOP, explain  # lazy: only where asked for
 
@@ -108,7 +108,7 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
 
 
 def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
-    """Return the result with its repairs, for every output; the time that they took counts."""
+    """Return the result with its repairs and the time of their search, for every output."""
     assert isinstance(result, PairEvaluation)
     explanation = explained(result, output)
     total = result.timings["total"] + explanation.seconds
@@ -123,7 +123,7 @@ def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
 def show(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
-    """Print the result, and write the folder if one was asked for."""
+    """Print the result, and write the folder of ``-o`` if requested."""
     try:
         if output.output is not None:
             from tgospa_eval.cli.shared.writing import write_folder  # lazy: only where asked for

@@ -1,4 +1,4 @@
-"""``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
+"""``--sweep``: values of a parameter from the text of the option, and output of the points."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -36,7 +36,7 @@ SWEPT = {
     "rho": "rho",
 }
 MAX_VALUES = 1000
-"""Values of one sweep."""
+"""Largest number of values of a sweep."""
 
 FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
 
@@ -48,14 +48,14 @@ def sweep_files(
     output: OutputOptions,
     typed: set[str],
 ) -> bool:
-    """Evaluate two files over a range of one parameter, print and write; whether all is exact.
+    """Evaluate two files over a range of a parameter, print and write; return whether all is exact.
 
     Parameters
     ----------
     paths : pair of str
         Truth and estimate.
     texts : tuple of str
-        What ``--sweep`` was given.
+        Values of ``--sweep``.
     options : Request
         What to evaluate, and how.
     output : OutputOptions
@@ -66,7 +66,7 @@ def sweep_files(
     Raises
     ------
     TgospaError
-        Something is wrong with options or files.
+        An option or a file is wrong.
     """
     name, values = parse_sweep(texts)
     _check(name, options, output, typed)
@@ -93,12 +93,12 @@ def sweep_files(
 
 
 def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
-    """Return the parameter that is swept, as in `Parameters`, and its values as given.
+    """Return the name of the swept parameter in `Parameters`, and its values as given.
 
     Raises
     ------
     ConfigError
-        The text is not understood.
+        The text is not ``NAME=VALUES``.
     """
     if len(texts) > 1:
         raise ConfigError("--sweep is given twice: only one parameter can be swept")
@@ -145,7 +145,7 @@ def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) 
     Raises
     ------
     ConfigError
-        They do.
+        Another option contradicts the sweep.
     """
     if name in typed and not output.quiet:
         print_notice(
@@ -174,7 +174,7 @@ def _key(name: str) -> str:
 
 
 def _show(swept: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
-    """Print, and write the folder if one was asked for."""
+    """Print, and write the folder of ``-o`` if requested."""
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the sweep", 0.0)

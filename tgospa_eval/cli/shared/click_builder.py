@@ -1,4 +1,4 @@
-"""Options for click, built from `api.options.Request` and other records; those of the output."""
+"""Options for click, built from `api.options.Request` and other records, and options of output."""
 
 from collections.abc import Callable, Collection, Container, Sequence
 from dataclasses import Field, fields, replace
@@ -22,7 +22,7 @@ _general = partial(option, section="General")
 
 
 class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
-    """Bytes as people write them: 4GB, 500MB, 1.5GiB; a number alone is of GB."""
+    """Type for a number of bytes: 4GB, 500MB, 1.5GiB; a plain number means GB."""
 
     name = "size"
 
@@ -35,7 +35,7 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 def one_of(members: Collection[str]) -> Any:
-    """Return the type of an option that takes a member, also of those that other packages add."""
+    """Return the type of an option that names a member of a registry, including other packages."""
     kind: Any = click.Choice(())
     kind.choices = members  # click makes a tuple of them
     return kind
@@ -92,7 +92,7 @@ WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
 BY_OF_SETTINGS = option(
     "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
 )
-"""Option of verbs that take all rows together: a settings file may have it."""
+"""Option that verbs without classes ignore in a settings file."""
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
@@ -100,7 +100,7 @@ REDUCTION = tuple(
     for item in PARTICLES
     if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
-"""Options of the reduction of clouds; without defaults, to see what was given."""
+"""Options of the reduction of clouds, without defaults, so that given options are known."""
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -197,7 +197,7 @@ OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
-    """Options of everything that prints and writes; one that a verb lacks keeps its default."""
+    """Options of printing and writing; an option that a verb lacks keeps its default."""
 
     format_: str = "table"
     output: str | None = None
@@ -225,16 +225,16 @@ READING = (
     CONFIG_FILE,
     QUIET,
 )
-"""Options of everything that reads two files and measures distances."""
+"""Options of all verbs that read two files and measure distances."""
 
 
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
-    """Return some of the options of everything that evaluates, and more."""
+    """Return a selection of the options of evaluations, and further options."""
     return (*(item for item in EVALUATION if item.key in keys), *more, CONFIG_FILE, QUIET)
 
 
 def format_option(*names: str) -> Option:
-    """Return ``--format`` of a verb with formats of its own, which no settings file chooses."""
+    """Return ``--format`` of a verb with special formats, which a settings file cannot set."""
     return Option(
         f"--format [{'|'.join(names)}]",
         "What to print.",

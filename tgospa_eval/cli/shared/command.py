@@ -1,4 +1,4 @@
-"""A verb and its options as click has them: declared, read from settings files, shown in help."""
+"""Verbs and options for click: declarations, values from settings files, and help."""
 
 import os
 import re
@@ -27,7 +27,7 @@ PATH = click.Path(readable=False)
 
 
 class SourceFile(click.Path):
-    """A file that is read, or - for the standard input, which can be one of them."""
+    """Type for a file to read; - is the standard input, which only one argument can be."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path, or the name of the standard input."""
@@ -45,19 +45,19 @@ KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 
 TRUSTED_KEYS: set[str] = set()
-"""Settings of the evaluation, which a configuration file may set that the user did not name."""
+"""Settings that a configuration file may set even if the user did not name the file."""
 
 PREFIX = "TGOSPA_EVAL_"
-"""Beginning of the variables of options."""
+"""Prefix of environment variables of options."""
 
 TARGET = "tgospa_eval.target"
-"""Key of the context for the target that judges: its configuration alone is read."""
+"""Key of the context for the target of ``--against``; only its configuration is read."""
 
 IGNORED = "tgospa_eval.ignored"
-"""Key of the context for the variables that count for nothing then."""
+"""Key of the context for the variables that are ignored with a target."""
 
 WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
-"""Options that the environment sets although a target judges: none changes a number."""
+"""Options that the environment sets even with a target, because they change no number."""
 
 REMOVED = {
     "--protect": "--against TARGET judges by the suite, the baseline and the configuration of the "
@@ -67,7 +67,7 @@ REMOVED = {
     "--format bencher": "--format json has all values",
     "--format github-action-benchmark": "--format json has all values",
 }
-"""Options that are gone, and what to use instead."""
+"""Removed options, and their replacements."""
 
 LISTED = {
     "with": ("hota", "clear", "identity", "gospa", "nees"),
@@ -78,7 +78,7 @@ LISTED = {
     "ignore": ("marked", "marked-estimates", "outside-truth-steps", "truth-gaps", "in-regions"),
     "sweep": ("c=", "p=", "gamma=", "rho="),
 }
-"""Values that a shell completes, of options that take several."""
+"""Values that a shell completes, for options with several values."""
 
 PLAIN_NUMBERS = ((click.types.FloatParamType, float), (click.types.IntParamType, int))
 
@@ -89,13 +89,13 @@ class Option(click.Option):
     Parameters
     ----------
     declaration : str
-        As help shows it: ``-c, --cutoff C``; without a metavar it is a flag.
+        Text of the help: ``-c, --cutoff C``; without a metavar the option is a flag.
     text : str
-        Its help.
+        Help text.
     section : str
         One of `SECTIONS`.
     settings
-        Of `click.Option`; `name` is the parameter, if it is not the first long option.
+        Arguments of `click.Option`; `name` is the parameter, by default the first long option.
     """
 
     def __init__(self, declaration: str, text: str, *, section: str, **settings: Any) -> None:
@@ -114,11 +114,11 @@ class Option(click.Option):
 
     @property
     def key(self) -> str:
-        """Its name in a configuration file: the first long one."""
+        """Name in a configuration file: the first long name."""
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:
-        """Return the value of its variable; none where a target judges."""
+        """Return the value of its environment variable; None with a target of ``--against``."""
         value = super().resolve_envvar_value(ctx)
         if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
             return value
@@ -126,7 +126,7 @@ class Option(click.Option):
         return None
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """Return the value; a number is a plain one, where click takes any that Python has."""
+        """Return the value; numbers must be plain decimals, although click accepts others."""
         if (typed := f"--{self.key} {value}") in REMOVED:
             raise click.UsageError(removed(typed), ctx)
         for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
@@ -136,7 +136,7 @@ class Option(click.Option):
         return super().type_cast_value(ctx, value)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """Return values that may follow; of a list with commas those of its last item."""
+        """Return possible values; in a list with commas those of the last item."""
         names = LISTED.get(self.key) or getattr(self.type, "choices", ())
         if not names:
             return super().shell_complete(ctx, incomplete)
@@ -151,7 +151,7 @@ class Option(click.Option):
         ]
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Return names and text; a default in words needs no parentheses of its own."""
+        """Return names and text, without parentheses around a default in words."""
         names: Any = getattr(self.type, "choices", ())
         if isinstance(names, Registry) and self.help is not None:
             listed_names = re.findall(r"[\w-]+", self.help)
@@ -165,7 +165,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Return extra help without ranges, which the texts have in words."""
+        """Return extra help without ranges, which are in the help text."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
@@ -176,7 +176,7 @@ def option(
 ) -> Option:
     """Make an option that is also read from TGOSPA_EVAL_<OPTION> and from configuration files.
 
-    `trusted`: whether a file may set it that was only found.
+    `trusted` says whether a file that the user did not name may set the option.
     """
     made = Option(declaration, text, section=section, **settings)
     long = [name[2:] for name in made.opts if name.startswith("--")]
@@ -192,7 +192,7 @@ def load_config(
 ) -> config.SettingsFile | None:
     """Load settings of the options that the verb has: callback of --config.
 
-    A file may hold those of other verbs as well.
+    A file may have settings of other verbs too.
     """
     taken = {
         item.key: item
@@ -219,13 +219,13 @@ def load_config(
 
 
 def _keys() -> dict[str, bool]:
-    """Return all keys; those of a gate are known when its verb is."""
+    """Return all keys; keys of a gate are known after its verb is imported."""
     load("gate")
     return KEYS
 
 
 def tell_settings(ctx: click.Context) -> None:
-    """Say which options a configuration file sets, now that flags and environment are known."""
+    """Report the options that a configuration file sets, once flags and environment are known."""
     used = ctx.params.get("config")
     if used is None:
         return
@@ -242,7 +242,7 @@ def tell_settings(ctx: click.Context) -> None:
 
 
 def tell_variables(command: click.Command) -> None:
-    """Say which variables of ours set nothing, because no option reads them."""
+    """Report the environment variables with our prefix that no option reads."""
     given = [name for name in os.environ if name.startswith(PREFIX)]
     if {*given} <= (read := {*_variables(command), f"{PREFIX}KERNEL"}):
         return
@@ -261,13 +261,13 @@ def tell_variables(command: click.Command) -> None:
 
 
 def _variables(command: click.Command) -> list[str]:
-    """Return the variables that its options read."""
+    """Return the variables that the options of a verb read."""
     several = [item.envvar or () for item in command.params]
     return [name for one in several for name in ([one] if isinstance(one, str) else one)]
 
 
 def removed(option: str) -> str:
-    """Return the message about an option that is gone."""
+    """Return the message about a removed option."""
     return f"{option} is gone: {REMOVED[option]}"
 
 
@@ -277,7 +277,7 @@ def dashed(name: str) -> str:
 
 
 def typed_options(ctx: click.Context) -> set[str]:
-    """Return parameters that the command line gives, not the environment nor a settings file."""
+    """Return the parameters of the command line, without those of environment and settings file."""
     source = ctx.get_parameter_source
     return {name for name in ctx.params if source(name) is ParameterSource.COMMANDLINE}
 
@@ -301,10 +301,10 @@ SECTIONS = (
     "Particles",
     "General",
 )
-"""Headings of the help, in its order."""
+"""Headings of the help, in order."""
 
 NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein or a sliced one"}
-"""The distance that a section is for."""
+"""Distance to which a section applies."""
 
 OPTION_WORDS = {
     "--format json": "json",
@@ -328,10 +328,10 @@ OPTION_WORDS = {
     "--quiet": "silent no-progress",
     "--verbose": "debug log",
 }
-"""Words that people type for an option, where no name of one is like them."""
+"""Words that people type for an option although its name is different."""
 
 SIMILAR = 0.75
-"""Similarity, beside the first letter, of an option that may be meant: fromat, format."""
+"""Least similarity of a suggested option, which also has the same first letter: fromat, format."""
 
 
 def _print_short(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:  # noqa: ARG001
@@ -354,12 +354,12 @@ SHORT_HELP = click.Option(
 
 
 class Verb(click.Command):
-    """A command with its options in sections, and messages with what to type."""
+    """Command with options in sections, whose messages say what to type."""
 
     allow_extra_args = True  # messages of ours are longer than those of click
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Return all options, with those of the help: one short, the others long."""
+        """Return all options, including those of the short and the long help."""
         return [*super().get_params(ctx), SHORT_HELP]
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
@@ -412,7 +412,7 @@ class Verb(click.Command):
         Raises
         ------
         click.UsageError
-            An option is not known, or a file is missing.
+            An option is unknown, or a file is missing.
         """
         self._check_dashes(ctx, args)
         try:
@@ -428,13 +428,13 @@ class Verb(click.Command):
         return rest
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; first of all it says where its settings come from."""
+        """Report the sources of settings, and run the verb."""
         tell_settings(ctx)
         tell_variables(self)
         return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
-        """Check that no long option has one dash: click reads -output as -o with value utput."""
+        """Check that no long option has one dash; click reads -output as -o with value utput."""
         known = long_options(self)
         for text in args[: args.index("--")] if "--" in args else args:
             name = f"-{text.partition('=')[0]}"
@@ -454,7 +454,7 @@ class Verb(click.Command):
         return f"no such option: {clipped(text)}" + (f"; did you mean {hint}?" if hint else "")
 
     def _by_another_name(self, text: str) -> str | None:
-        """Return the option, with its value, that has this name in other programs."""
+        """Return the option, with its value, for a name that other programs use."""
         bare = text.lstrip("-")
         typed = next((typed for typed, words in OPTION_WORDS.items() if bare in words.split()), "")
         name, _, value = typed.partition(" ")
@@ -477,7 +477,7 @@ class Verb(click.Command):
 
 
 def long_options(command: click.Command) -> list[str]:
-    """Return the options that a verb shows, by their long names, with dashes."""
+    """Return the long names, with dashes, of the options that a verb shows."""
     return [
         name
         for item in command.params
@@ -488,14 +488,14 @@ def long_options(command: click.Command) -> list[str]:
 
 
 def words(line: Iterable[str]) -> str:
-    """Return arguments as they are typed in a shell; ours, in capitals, may be in brackets."""
+    """Return arguments as typed in a shell; placeholders in capitals may be in brackets."""
     from shlex import quote  # lazy: most command lines are right
 
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
-    """Suggest an option: the only one that begins so, else the most similar one."""
+    """Suggest the only option that begins with a text, else the most similar option."""
     from difflib import get_close_matches  # lazy: most command lines are right
 
     bare = text.lstrip("-")

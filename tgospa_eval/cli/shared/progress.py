@@ -1,4 +1,4 @@
-"""Work in a thread, so that Ctrl-C is heard at once and what is known can be shown."""
+"""Work in a thread, so that Ctrl-C acts at once and progress can be shown."""
 
 import math
 import os
@@ -32,18 +32,18 @@ SILENT = 2.0
 """Seconds before anything is shown."""
 
 LINE_WIDTH = 79
-"""Width of a line, which must not wrap."""
+"""Width of a line that does not wrap."""
 
 MIN_DIGITS, MAX_DIGITS = 5, 9
 """Digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
-"""Seconds before the first line, and at most between two, where no terminal is; after the first
-each comes when twice as much time has passed."""
+"""Without a terminal: seconds before the first line, and largest time between two lines. The time
+between lines doubles up to that."""
 
 
 LONG, NEAR = 10.0, 0.01
-"""Seconds, and relative difference of the bounds, from which on stopping may be of use."""
+"""Seconds of work, and relative difference of the bounds, that make stopping worth a hint."""
 
 ADVICE = (
     "the bounds are within 1 %: Ctrl-C stops with them; --gap and --time-limit stop automatically"
@@ -59,10 +59,10 @@ def new_stopwatch(*, quiet: bool) -> Stopwatch:
 
 
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
-    """Do the work; after two seconds show how far it is.
+    """Do the work, and show its progress after two seconds.
 
-    Where it is stoppable, the first Ctrl-C asks it to stop, and its result is returned. Where
-    nobody looks on and no Ctrl-C is heard, as in the workers of a batch, it needs no thread.
+    The first Ctrl-C asks stoppable work to stop, and its result is returned. Without progress and
+    without handling of Ctrl-C, as in the workers of a batch, the work needs no thread.
     """
     if not show and not handles_interrupts():
         return work()
@@ -103,7 +103,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
 
 @contextmanager
 def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
-    """Show the progress while the block works; the block itself handles Ctrl-C."""
+    """Show the progress while the block runs; the block handles Ctrl-C."""
     stopwatch.progress = Progress(watched=True)
     if not show:
         yield
@@ -124,7 +124,7 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
 
 
 class Display:
-    """A line on stderr: one that is written anew on a terminal, else a new one now and then."""
+    """Progress line on stderr: overwritten on a terminal, else a new line now and then."""
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch, self.begin = stopwatch, time.monotonic()
@@ -139,7 +139,7 @@ class Display:
         self.clear()
 
     def update(self) -> None:
-        """Show how far the work is, if it is time to."""
+        """Show the progress, if it is due."""
         seconds = time.monotonic() - self.begin
         if seconds >= LONG and not self.advised and _is_near(self.stopwatch.progress):
             self.advised = True
@@ -156,7 +156,7 @@ class Display:
         self.shown = True
 
     def clear(self) -> None:
-        """Leave nothing on a terminal."""
+        """Clear the line on a terminal."""
         if self.shown:
             self._write(f"\r{'':<{LINE_WIDTH}}\r")
             self.shown = False
@@ -182,7 +182,7 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
 
 
 def _is_near(progress: Progress) -> bool:
-    """Return whether the bounds may be near enough for the user."""
+    """Return whether the bounds may be close enough for the user."""
     lower, upper = progress.bracket or (0.0, math.inf)
     return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
 

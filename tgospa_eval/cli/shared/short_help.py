@@ -1,4 +1,4 @@
-"""The first screen of a verb: usage, one example, and the options that people use, by task."""
+"""Short help of a verb: usage, one example, and the most used options by task."""
 
 import re
 import textwrap
@@ -155,11 +155,11 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         },
     },
 }
-"""Options of the first screen by verb and task, by their names in a settings file."""
+"""Options of the short help by verb and task, by their names in a settings file."""
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
-    """Return usage, the purpose of the verb, an example, usual options, and places of others."""
+    """Return usage, purpose, an example and the most used options of a verb."""
     verb = str(command.name)
     options = {
         name.lstrip("-"): item

@@ -1,7 +1,7 @@
-"""stdout and stderr: what is written there is text, and what happens if it cannot be written.
+"""Text on stdout and stderr, and errors of writing.
 
-The last line of defence: control characters are escaped here whatever was forgotten elsewhere, and
-no line is a command of a CI system but those that the gate means.
+As a last line of defence, control characters are escaped here, and no line is a command of a CI
+system except those of the gate.
 """
 
 import errno
@@ -33,9 +33,9 @@ def interrupted() -> bool:
 
 @contextmanager
 def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
-    """Ask `take` at each Ctrl-C; unless it takes it, KeyboardInterrupt is raised as ever.
+    """Call `take` at each Ctrl-C; KeyboardInterrupt is raised unless it returns true.
 
-    Where interrupts are ignored, or somebody else answers them, nothing changes.
+    Nothing changes if interrupts are ignored or have another handler.
     """
     if not handles_interrupts():
         yield
@@ -56,7 +56,7 @@ def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
 
 @contextmanager
 def shielded() -> Iterator[None]:
-    """Let the first Ctrl-C wait: what is begun is brought to its end."""
+    """Delay the first Ctrl-C until the block has ended."""
     waiting: list[int] = []
 
     def take() -> bool:
@@ -68,30 +68,30 @@ def shielded() -> Iterator[None]:
 
 
 def handles_interrupts() -> bool:
-    """Return whether a Ctrl-C raises KeyboardInterrupt here; not in a worker, which ignores it."""
+    """Return whether Ctrl-C raises KeyboardInterrupt in this process; workers ignore it."""
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
-"""Set where stdout is a log that is searched for commands."""
+"""Environment variables of CI systems, which search stdout for commands."""
 
 NARROW_TERMINAL = 20
-"""Columns of a terminal in which wrapping helps."""
+"""Least number of columns of a terminal for which lines are wrapped."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""Errors of the system where nothing can be written to a file that is open."""
+"""Errors of the system if an open file cannot be written."""
 
 
 def print_notice(text: str) -> None:
-    """Print a notice, a line on stderr; a terminal gets it wrapped."""
+    """Print a notice as a line on stderr, wrapped on a terminal."""
     print_raw(_wrapped(visible(text)))
 
 
 def notifier(
     *, quiet: bool, output: Callable[[str], None] = print_notice
 ) -> "Callable[[Notice], None]":
-    """Return a function that prints notices, and warnings even where the user wants quiet."""
+    """Return a function that prints notices; with ``--quiet`` it prints only warnings."""
 
     def notify(notice: "Notice") -> None:
         if notice.code or not quiet:
@@ -101,12 +101,12 @@ def notifier(
 
 
 def print_notices(text: str) -> None:
-    """Print lines to stderr, as they are ours."""
+    """Print lines of this program to stderr."""
     print_raw("\n".join(map(_wrapped, visible_lines(text).split("\n"))))
 
 
 def stderr_width() -> int:
-    """Return columns of the terminal that stderr is; 0 if it is none, or does not answer."""
+    """Return the columns of the terminal of stderr; 0 without a terminal."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError, AttributeError):
@@ -114,7 +114,7 @@ def stderr_width() -> int:
 
 
 def _wrapped(line: str) -> str:
-    """Wrap a line to the width of a terminal; one that is indented is laid out already."""
+    """Wrap a line to the width of a terminal; an indented line is kept as it is."""
     width = stderr_width()
     if not NARROW_TERMINAL <= width < len(line) or line[0].isspace():
         return line
@@ -126,7 +126,7 @@ def _wrapped(line: str) -> str:
 
 
 def print_raw(text: str) -> None:
-    """Print to stderr what nothing has to be escaped in; that stderr is gone changes nothing."""
+    """Print a text to stderr without escapes; a closed stderr is ignored."""
     with suppress(OSError, ValueError):
         click.echo(text, err=True)
 
@@ -134,16 +134,16 @@ def print_raw(text: str) -> None:
 def emit(text: str, format: str = "table") -> None:
     """Write a report to stdout.
 
-    Not by click.echo, which writes UTF-8 where the user asked for ASCII and exits with 1 when the
-    reader of a pipe goes away; as head does, so that is no failure of ours.
+    click.echo writes UTF-8 even if the user wants ASCII, and exits with 1 when the reader of a pipe
+    ends, as head does, which is not an error.
 
     Parameters
     ----------
     text : str
         The report.
     format : str
-        Its name. Of csv a file or a program gets the texts as they are, and who looks at stdout
-        sees them as ls would show them. What has colours, `colours`, is written as it is.
+        Format of the report. Texts of csv are escaped on a terminal only, as by ls. A report with
+        colours, `colours`, is written without escapes.
 
     Raises
     ------
@@ -167,12 +167,12 @@ def emit(text: str, format: str = "table") -> None:
 
 
 def check_stdout() -> None:
-    """See that there is a stdout; the caller may have closed it.
+    """Check that stdout is open; the caller may have closed it.
 
     Raises
     ------
     ConfigError
-        There is none.
+        stdout is closed.
     """
     if sys.stdout is None:
         raise ConfigError("stdout is closed; redirect it to a file, or to /dev/null")
@@ -191,7 +191,7 @@ def check_written(error: OSError) -> None:
 
 
 def on_terminal() -> bool:
-    """Return whether someone reads stdout; `FORCE_COLOR` also, as in the logs of CI."""
+    """Return whether stdout is a terminal, or `FORCE_COLOR` is set, as in logs of CI."""
     if sys.stdout is None or os.environ.get("TERM") == "dumb":
         return False
     return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
@@ -215,5 +215,5 @@ def _lost(error: OSError) -> ConfigError:
 
 
 def _discard() -> None:
-    """Let what waits for stdout go nowhere, or Python would try again at its end."""
+    """Discard buffered output, which Python would try to write again at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""The folder of ``-o``: probed before any work, made in a thread, written at once, announced."""
+"""Folder of ``-o``: checked before any work, made in a thread, written at once, and announced."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -32,16 +32,17 @@ if TYPE_CHECKING:
 def write_output(
     output: OutputOptions, kind: Kind, make: Callable[[Callable[[str, float], None]], Files]
 ) -> None:
-    """Write the folder if one was asked for, and nothing was interrupted.
+    """Write the folder of ``-o`` if requested, and if nothing was interrupted.
 
     Parameters
     ----------
     output : OutputOptions
         Where to write, and what to print.
     kind : Kind
-        What the folder holds.
+        Kind of the folder.
     make : callable
-        Makes the files by name; gets what takes the name of each that is drawn, and the share done.
+        Callable that returns the files by name. It receives a callable for the name of each
+        picture and the share of the work that is done.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def write_output(
 def _made(
     output: OutputOptions, make: Callable[[Callable[[str, float], None]], Files]
 ) -> Files | None:
-    """Return the files by name; None if that was interrupted."""
+    """Return the files by name; None after an interruption."""
     stopwatch = Stopwatch()
     stopwatch.stage = "report"
 
@@ -89,14 +90,14 @@ def _made(
 def probed_folder(
     options: Request, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """Look whether the folder can be written; the pictures that go into it.
+    """Check that the folder can be written; return its pictures.
 
-    `also` are names of more files that go into it.
+    `also` has the names of further files of the folder.
 
     Raises
     ------
     ConfigError
-        It cannot, or something is wrong with what is to go into it.
+        The folder cannot be written, or the request for its files is wrong.
     """
     also += ("curve.csv",) if options.curve else ()
     also += ("windows.csv",) if options.window is not None else ()
@@ -110,14 +111,14 @@ def probed_folder(
 def probed(
     output: OutputOptions, kind: Kind, *charts: str, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """See that the folder can be written if one was asked for; the pictures that go into it.
+    """Check that the folder of ``-o`` can be written, if requested; return its pictures.
 
-    `charts` are kinds of pictures, `also` names of more files.
+    `charts` has kinds of pictures, `also` names of further files.
 
     Raises
     ------
     ConfigError
-        It cannot, or something is wrong with the pictures.
+        The folder cannot be written, or the request for pictures is wrong.
     """
     if output.output is None:
         return None
@@ -128,12 +129,12 @@ def probed(
 
 
 def wanted_pictures(output: OutputOptions) -> "Pictures | None":
-    """Return the requested pictures; None without an option of that kind, or for none.
+    """Return the requested pictures; None without an option of pictures, or for ``none``.
 
     Raises
     ------
     ConfigError
-        Something is wrong with them.
+        The request for pictures is wrong.
     """
     if output.pictures == "none":
         return None
@@ -166,7 +167,7 @@ def drawable_pictures(output: OutputOptions) -> "Pictures | None":
 
 @contextmanager
 def named_options() -> Iterator[None]:
-    """Add the name of the option, as it is typed, to errors about pictures."""
+    """Add the name of the option to errors about pictures."""
     try:
         yield
     except ConfigError as error:
@@ -176,7 +177,7 @@ def named_options() -> Iterator[None]:
 def write_folder(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
-    """Write it; prints that pictures are not in it for want of the extra."""
+    """Write the folder; print a notice if pictures need an extra that is not installed."""
     wanted = drawable_pictures(output)
 
     def make(notify: Callable[[str, float], None]) -> Files:
