@@ -1,6 +1,6 @@
-"""Everything that is asked of an evaluation: one record, from which options and lists are made.
+"""Record of all options of an evaluation, from which options and lists are made.
 
-Imports nothing heavy: the command line needs it for its help.
+It imports nothing heavy, because the command line needs it for its help.
 """
 
 import dataclasses
@@ -56,7 +56,7 @@ _beside = partial(_output, number=False, everywhere=False, stored=False)
 def _one_side(
     declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
 ) -> Any:
-    """Return an option of one side, as that of both, or of the estimate as that of the truth."""
+    """Return an option of one side, declared like that of both sides or of the truth."""
     side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
     text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
     return declare(declaration, text, **about)
@@ -64,9 +64,9 @@ def _one_side(
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
-    """Request for an evaluation; None where nothing was given.
+    """Request for an evaluation; None for options that were not given.
 
-    The help of a field is that of its option. `pairwise` lets a distance take the covariances of
+    The help of an option describes its field. `pairwise` lets a distance use the covariances of
     each pair; `sides` are the two files as options name them; `summed` says that slices are added
     to those of other evaluations.
     """
@@ -591,7 +591,7 @@ class Request(Values):
 
     @property
     def given(self) -> dict[str, object]:
-        """Options that change the number or its bracket, and are no defaults."""
+        """Options that change the number or its bracket, without defaults."""
         return {
             name: getattr(self, name)
             for name, default in OF_THE_NUMBER.items()
@@ -600,7 +600,7 @@ class Request(Values):
 
 
 def is_coverage(region: str | None) -> bool:
-    """Return whether a region is a circle or a file, and not ranges of columns."""
+    """Return whether a region is a circle or a file, instead of ranges of columns."""
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
@@ -617,17 +617,17 @@ OPTION_SPECS = Request.settings()
 """Specifications of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Names of the options that all verbs have, by their names in a settings file."""
+"""Fields of the options that all verbs have, by their names in a settings file."""
 
 OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Names of the options that `evaluate` alone has."""
+"""Fields of the options that only `evaluate` has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
 
 FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
-"""Settings that all verbs have: whether each is a flag."""
+"""Settings of all verbs, and whether each is a flag."""
 
 PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
     int: (parsed_whole, "whole number; write it as 10"),
@@ -636,12 +636,12 @@ PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
 
 
 def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
-    """Convert settings of a file by their names to values of fields; `where` begins messages.
+    """Convert settings of a file to values of fields; `where` begins messages.
 
     Raises
     ------
     ConfigError
-        A setting is unknown, or its value has no meaning.
+        A setting is unknown, or its value is wrong.
     """
     values = config.settings_of(settings, where, FLAGS)
     return {NAMES[key]: _typed(NAMES[key], value, where, key) for key, value in values.items()}
@@ -684,7 +684,7 @@ _batch = partial(setting, "Batch", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions(Values):
-    """Jobs of a batch, and how to spread and tabulate them."""
+    """Options of the jobs of a batch, their distribution and their tables."""
 
     truth: str | None = _batch(
         "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"

@@ -1,4 +1,4 @@
-"""The Earth as pyproj has it: paths on WGS 84, and coordinates of other systems."""
+"""Coordinates on the Earth by pyproj: paths on WGS 84, and projected systems."""
 
 import functools
 from typing import Any
@@ -35,7 +35,7 @@ def from_crs(text: str, option: str) -> Any:
     Raises
     ------
     ConfigError
-        There is no such system, or it is not projected.
+        The system is unknown, or is not projected.
     """
     pyproj = _pyproj(option)
     try:
