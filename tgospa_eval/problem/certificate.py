@@ -67,9 +67,18 @@ class UnassignedPrices:
         return prices
 
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
-        """Return terms of the sum over blocks of all prices but those of so many pairs each.
+        """Return ``A (m - g) + B (n - g)`` for each block, as terms that are rounded down.
 
-        Rounded down; for objects that are alike on either side.
+        This is the price of leaving all of a block unassigned except g pairs. The block has m
+        states of truths and n of estimates; each truth costs A and each estimate B (`alike`, which
+        must not be None). There is one term if A = B, otherwise one for each side.
+
+        Parameters
+        ----------
+        blocks : slice
+            Which blocks.
+        pairs : float array
+            The number g of each of these blocks.
         """
         first, second = self.alike or (0.0, 0.0)
         truths, estimates = (count[blocks] - pairs for count in self.counts)
@@ -186,9 +195,11 @@ def lower_cost(problem: Problem, bound: float) -> float:
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound of the exact cost: see `lower_cost`.
+    """Return ``U (1 + 72 u) / (1 - delta)``: an upper bound for exact costs, from the total U.
 
-    A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
+    The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U: each term is off by at most 3 u,
+    adding `TERMS_TOGETHER` = 64 terms by at most 63 u, and the rest is for the operations here.
+    The divisor covers the costs, which are right within delta = `cost_error` (see `lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
