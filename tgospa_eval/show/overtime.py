@@ -379,7 +379,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     handles |= _switches(axis, truths, data, style, columns)
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, data, style)
-    titled(axis, style, "Who followed whom", data.about)
+    titled(axis, style, "Estimates of each object", data.about)
     legend(made, list(handles.values()), list(handles), 4 if style.wide else 2)
     return made
 

@@ -338,7 +338,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
-    titled(axis, style, "In the plane", data.about)
+    titled(axis, style, "Trajectories", data.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
     beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
     beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names

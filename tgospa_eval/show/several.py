@@ -329,7 +329,7 @@ def draw_cumulative(
         names.append(f"{literal(name, 30)}: {number(total[-1])}")
     axis.set_ylim(0, None)
     label(axis, "", "cost of all steps so far", "")
-    titled(axis, style, "Where the estimates part")
+    titled(axis, style, "Cumulative cost")
     name_times(axis, time, (begin[0], end[-1]), style.width)
     legend(made, lines, names, 1)
     return made
@@ -568,7 +568,7 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
     costs = {str(name): np.array([parts[name] for _, parts in shown], float) for name in PARTS}
     bars(axis, [name for name, _ in shown], costs, letters=30)
     axis.set_xlabel(f"cost per step{unit}", parse_math=False)
-    titled(axis, style, "What the cost is made of")
+    titled(axis, style, "Parts of the cost")
     legend(made, [Patch(**FILLS[name]) for name in PARTS], list(PARTS), 4)
     return made
 
