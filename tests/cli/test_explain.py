@@ -232,7 +232,7 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--sweep", "c=1,2"), "--explain is for one evaluation, not for --sweep"),
+        (("--sweep", "c=1,2"), "--explain is not supported with --sweep"),
         (("--by", "class"), "choose one class by --class NAME"),
         (("--distance", "iou", "--preprocess", "motchallenge"), "depends on the repair"),
     ],

@@ -52,7 +52,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     assert "similarity" not in invoke(*pair, "--format", "json").out
     for more, said in (
         (("--similarity", "0"), "--similarity: false targets is 0: must be > 0"),
-        ((*options, "--sweep", "c=1,2"), "not for --sweep"),
+        ((*options, "--sweep", "c=1,2"), "is not supported with --sweep"),
         ((*options, "--step-weights", "w.csv"), "not supported with --step-weights"),
     ):
         answer = invoke(*pair, *more)

@@ -271,8 +271,8 @@ def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion
     )
     if measure.is_record and of_estimate.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
-            f"{option('time')} and {option('region')} are in the units of the truth: choose the "
-            "distance by its name"
+            f"{option('time')} and {option('region')} do not work with a converted estimate and a "
+            "distance that is a record: give the name of the distance"
         )
     return of_truth, of_estimate
 

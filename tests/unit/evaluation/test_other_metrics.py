@@ -237,7 +237,7 @@ def test_wrong_uses(write: Write, invoke: Invoke) -> None:
     for words, text in (
         (["--with", "motq"], '--with "motq": must be of hota, clear, identity, gospa'),
         (["--with", "hota", "--by", "class"], "choose one class by --class NAME"),
-        (["--with", "hota", "--sweep", "c=1,2"], "not for --sweep"),
+        (["--with", "hota", "--sweep", "c=1,2"], "is not supported with --sweep"),
     ):
         answer = invoke(*paths, *words)
         assert answer.status == 2

@@ -225,7 +225,7 @@ def test_every_output_has_them(
     [
         (["--slice", "nothing"], '--slice "nothing": neither side has such a column (found: '),
         (["--slice", "x=3:1"], "edges must increase"),
-        (["--slice", "x", "--sweep", "c=1,2"], "--slice is for one evaluation, not for --sweep"),
+        (["--slice", "x", "--sweep", "c=1,2"], "--slice is not supported with --sweep"),
     ],
 )
 def test_errors_of_the_command_line(
