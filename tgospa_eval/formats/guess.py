@@ -210,7 +210,7 @@ def is_tum(line: str) -> bool:
 
 
 def is_yolo(line: str) -> bool:
-    """Return whether a line is a class, a box in units of the image size, and perhaps score and id."""
+    """Return whether a line is a class, a box relative to the image, and perhaps score and id."""
     words = line.split()
     if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
         return False

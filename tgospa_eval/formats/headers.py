@@ -36,7 +36,7 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 
 
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """Return the positions of the shared columns, whose names are not used by columns of objects."""
+    """Return the positions of the columns that belong to no object and have a free name."""
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
     return [k for k, name in enumerate(names) if k not in used and name not in taken]
@@ -401,8 +401,8 @@ class Headers:
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
         """Guess the headers of missing columns by their words.
 
-        `wanted` has the names of these columns; ``position`` means any two columns of the state. `used`
-        has the positions of headers with another role.
+        `wanted` has the names of these columns; ``position`` means any two columns of the state.
+        `used` has the positions of headers with another role.
         """
         free = [
             name
@@ -426,7 +426,7 @@ class Headers:
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the headers of seconds and fractions of one time, such as secs and nsecs."""
+    """Return the headers of seconds and fractions of one time, as secs and nsecs."""
     words = {name: words_of(name) for name in names}
     whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():

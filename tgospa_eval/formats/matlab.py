@@ -469,7 +469,7 @@ class _Sets:
         return sets or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
-        """Return the number of elements of a cell of sets, 0 for a set, None for other variables."""
+        """Return the number of elements of a cell of sets; 0 for a set, None for others."""
         if name in self.arrays:
             is_timed = any(kind_of(k)[0] == "t" for k in self.arrays)
             return 0 if is_timed or len(self.arrays[name]) > 2 else None

@@ -476,7 +476,7 @@ def read_object(
 ) -> Reading:
     """Read an object in memory: tables, tracks and arrays row by row, other objects as a whole.
 
-    `name` begins the messages. `columns` are the state columns of the distance, if it has fixed ones.
+    `name` begins the messages. `columns` are the state columns that the distance prescribes.
 
     Raises
     ------
@@ -561,7 +561,7 @@ def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":
-    """Return a table as a DataFrame, with a conversion by Arrow if needed; None for other objects."""
+    """Return a table as a DataFrame, converted by Arrow if needed; None for other objects."""
     if hasattr(side, "iloc") and hasattr(side, "columns"):
         return cast("pd.DataFrame", side)
     if not hasattr(side, "__arrow_c_stream__"):

@@ -43,8 +43,8 @@ COMPARED: dict[str, Callable[[Any, Any], Any]] = {
 
 
 Comparison = tuple[str, str, int | float | str]
-"""Header of a column or name of its role, one of `COMPARED`, and a number or text. A value is a text
-if it was in quotes or is not a number."""
+"""Header of a column or name of its role, one of `COMPARED`, and the value to compare with. A value
+is a text if it was in quotes or is not a number."""
 
 
 def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
@@ -275,13 +275,13 @@ def _splits(text: str, count: int) -> Iterator[list[str]]:
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """Return the class of this name, else the only class with this name in another case, or None."""
+    """Return the class of this name, else the only class with the name in another case, or None."""
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Return whether two names are equal in upper or lower case."""
+    """Return whether two names are equal except for upper and lower case."""
     return name.casefold() == other.casefold()
 
 
@@ -333,74 +333,74 @@ class ReadOptions:
         What to do with a repeated (id, t).
     on_invalid : {"error", "drop"}
         What to do with a row whose state is invalid: a box without a size, or a position that the
-            distance does not allow.
-        boxes : bool
-            Whether the states are boxes: left, top, width, height.
-        form : TimeForm, optional
-            Format and zone of the times, if they are not numbers or ISO times, or lack a zone.
-        day_begins : float, optional
-            Time of day at which a day begins; earlier times are on the next day.
-        time : str, optional
-            Range ``"A:B"`` of the steps to read, ends included; either end may be blank.
-        classes : tuple of str, optional
-            Classes of the rows to read.
-        also : tuple of str
-            Further classes that pass a filter by class.
-        kept : tuple of str
-            Rules of the format whose rows are not left out.
-        regions : bool
-            Whether the reading has the boxes that are regions instead of objects.
-        region : str, optional
-            Ranges of the rows to read, ``"x=-50:50,y=0:100"``, ends included; either end may be blank.
-        where : tuple of Where
-            Filters that rows must pass.
-        by_class : bool
-            Whether the reading has the class of each row.
-        class_for : str
-            Option that sets `by_class`, for messages; by default ``by``.
-        covariance : bool
-            Whether to read covariances, if the file has columns of them.
-        fix_covariance : bool
-            Whether to replace an invalid covariance by the nearest valid matrix.
-        missing_covariance : {"error", "zero"}
-            Whether a blank covariance is an error or means a point, if the file has such columns.
-        clouds : bool
-            Whether a column of weights makes rows particles, also if no (id, t) is repeated.
-        fault : callable, optional
-            Callable that receives names of state columns and states (d, R). It returns the states that
-            are out of range in a column, the column, and a message about the first, or None.
-        attributes : tuple of str
-            Further columns to read, if the file has them; see `Trajectories.attributes`.
-        numbered : bool
-            Whether rows have the attribute `ROW`, their position in the file.
-        conversion : Conversion
-            Conversion of the timestamps and states of the file; `time` and `region` are in the new
-            units.
-        max_input : float, optional
-            Memory in GB that reading may take, 0 for any; by default 4, or the available memory.
-        shared : tuple of str
-            Names in `columns`, or ``"class"``, that were given for several files. A file without such a
-            header is read by the usual names, and without a filter by class.
-        placed : tuple of str
-            Names of the columns of a table without a header, in order.
-        hidden : tuple of str
-            Headers of unknown positions, which are part of a state only if they are mapped.
-        heights : {"", "tell", "use"}
-            Whether to look for a column of heights or elevations, and whether it is part of the state,
-            for positions on the Earth and ranges if the user named no states.
-        beside : tuple of str
-            Paths of all files of the evaluation, as one may have data that another needs.
-        roles : tuple of str
-            Roles of these files.
-        option : str
-            Name of `columns` in messages, see `formats.headers.ask`.
-        of_tables : str
-            Option in use that needs rows and headers; blank if no such option is in use.
+        distance does not allow.
+    boxes : bool
+        Whether the states are boxes: left, top, width, height.
+    form : TimeForm, optional
+        Format and zone of the times, if they are not numbers or ISO times, or lack a zone.
+    day_begins : float, optional
+        Time of day at which a day begins; earlier times are on the next day.
+    time : str, optional
+        Range ``"A:B"`` of the steps to read, ends included; either end may be blank.
+    classes : tuple of str, optional
+        Classes of the rows to read.
+    also : tuple of str
+        Further classes that pass a filter by class.
+    kept : tuple of str
+        Rules of the format whose rows are not left out.
+    regions : bool
+        Whether the reading has the boxes that are regions instead of objects.
+    region : str, optional
+        Ranges of the rows to read, ``"x=-50:50,y=0:100"``, ends included; either end may be blank.
+    where : tuple of Where
+        Filters that rows must pass.
+    by_class : bool
+        Whether the reading has the class of each row.
+    class_for : str
+        Option that sets `by_class`, for messages; by default ``by``.
+    covariance : bool
+        Whether to read covariances, if the file has columns of them.
+    fix_covariance : bool
+        Whether to replace an invalid covariance by the nearest valid matrix.
+    missing_covariance : {"error", "zero"}
+        Whether a blank covariance is an error or means a point, if the file has such columns.
+    clouds : bool
+        Whether a column of weights makes rows particles, also if no (id, t) is repeated.
+    fault : callable, optional
+        Callable that receives names of state columns and states (d, R). It returns the states that
+        are out of range in a column, the column, and a message about the first, or None.
+    attributes : tuple of str
+        Further columns to read, if the file has them; see `Trajectories.attributes`.
+    numbered : bool
+        Whether rows have the attribute `ROW`, their position in the file.
+    conversion : Conversion
+        Conversion of the timestamps and states of the file; `time` and `region` are in the new
+        units.
+    max_input : float, optional
+        Memory in GB that reading may take, 0 for any; by default 4, or the available memory.
+    shared : tuple of str
+        Names in `columns`, or ``"class"``, that were given for several files. A file without such a
+        header is read by the usual names, and without a filter by class.
+    placed : tuple of str
+        Names of the columns of a table without a header, in order.
+    hidden : tuple of str
+        Headers of unknown positions, which are part of a state only if they are mapped.
+    heights : {"", "tell", "use"}
+        Whether to look for a column of heights or elevations, and whether it is part of the state,
+        for positions on the Earth and ranges if the user named no states.
+    beside : tuple of str
+        Paths of all files of the evaluation, as one may have data that another needs.
+    roles : tuple of str
+        Roles of these files.
+    option : str
+        Name of `columns` in messages, see `formats.headers.ask`.
+    of_tables : str
+        Option in use that needs rows and headers; blank if no such option is in use.
 
-        Raises
-        ------
-        ConfigError
-            A value is not allowed.
+    Raises
+    ------
+    ConfigError
+        A value is not allowed.
     """
 
     columns: tuple[str, ...] | None = None

@@ -71,7 +71,7 @@ class Particles:
         return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """Return notices about the clouds; `compared` says whether the distance compares particles."""
+        """Return notices about the clouds; `compared`: whether the distance compares particles."""
         texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
