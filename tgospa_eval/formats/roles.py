@@ -220,7 +220,7 @@ class Roles:
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
-        """Compute quantities (R, len(mixes)) from the `numbers` columns (R, n), perhaps as a view."""
+        """Compute quantities (R, len(mixes)) from the `numbers` columns (R, n); may be a view."""
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
             return numbers[:, : len(mixes)]
@@ -362,7 +362,7 @@ def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
 
 
 def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the state columns of boxes; requested columns may only be these, or the centre x, y."""
+    """Return the state columns of boxes; the user may only name these and the centre x, y."""
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
         raise ConfigError(

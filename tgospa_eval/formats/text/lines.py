@@ -152,7 +152,7 @@ class Fields:
 
 
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
-    """Return the columns that are read as texts: ids, times, classes, attributes, and `texts`."""
+    """Return the columns to read as texts: ids, times, classes, attributes, and `texts`."""
     klass = () if roles.klass is None else (roles.klass,)
     second = () if roles.second is None else (roles.second,)
     return tuple(dict.fromkeys((roles.id, roles.time, *second, *texts, *klass, *roles.texts)))
@@ -169,7 +169,7 @@ def scanned(
     *,
     quotes: bool = True,
 ) -> Fields | None:
-    """Scan UTF-8 text whose rows begin on line `first` into columns; return None if it is not plain.
+    """Scan plain UTF-8 text whose rows begin on line `first` into columns; None for other text.
 
     Text is plain if all rows have `width` fields, and all numbers are finite or blank. It has no
     comments, no blank lines, no line ends or quotes inside fields, and no single carriage returns.
@@ -393,7 +393,7 @@ def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
-    """Convert a column to numbers, NaN where blank; also return the mistakes as `_mistakes` does."""
+    """Convert a column to numbers, NaN where blank; also return the result of `_mistakes`."""
     wrong: Wrong = {}
     return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
@@ -463,7 +463,7 @@ def convert(
 
 
 def plain_id(text: str) -> str:
-    """Return an id as an integer if the file has 3.0 or 3.000e+00, as formats without quotes may."""
+    """Return an id as an integer if the text is 3.0 or 3.000e+00, as numeric programs write it."""
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text

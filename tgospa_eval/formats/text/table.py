@@ -150,7 +150,7 @@ def header_of(
                 mistake = error if is_named else mistake
                 row = _fields(after, delimiter)
                 if len(row) == len(names) > 1 and any(map(is_number, row)):
-                    raise faults.get(len(names), error) from None  # a row follows, so this is the header
+                    raise faults.get(len(names), error) from None  # a row follows the header
             is_comment = line.lstrip().startswith(COMMENTS)
             faults.setdefault(-1 if is_comment else len(names), mistake)
             comments, skipped = comments + is_comment, skipped + (not is_comment)
@@ -203,7 +203,7 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 
 def _delimiter(header: str, decimal: str) -> str:
-    """Return the most frequent delimiter outside quotes; the decimal mark only without another."""
+    """Return the most frequent delimiter outside quotes; the decimal mark is the last choice."""
     plain = _unquoted(header)
     return max(
         DELIMITERS,
@@ -214,8 +214,8 @@ def _delimiter(header: str, decimal: str) -> str:
 def header_by_blanks(line: str, after: str) -> list[str]:
     """Return the headers in a line of a table by blanks; an empty list for any other line.
 
-    numpy.savetxt and programs of robotics write such tables. A comment mark at the beginning is left
-    out if the next line has as many words; otherwise the line is a comment.
+    numpy.savetxt and programs of robotics write such tables. A comment mark at the beginning is
+    left out if the next line has as many words; otherwise the line is a comment.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
