@@ -472,7 +472,7 @@ def plain_id(text: str) -> str:
     try:
         if not math.isfinite(float(text)):
             return "" if math.isnan(float(text)) else text  # NaN is not an id
-            value = Decimal(text)  # float() would make 9007199254740993.0 and ...992.0 equal
+        value = Decimal(text)  # float() would make 9007199254740993.0 and ...992.0 equal
         return str(int(value)) if value == value.to_integral_value() else text
     except (ValueError, ArithmeticError):
         return text
