@@ -67,7 +67,7 @@ cdef double nearest(uint64_t mantissa, int scale) noexcept:
     """Return the double nearest to mantissa 10^scale, for a mantissa > 0 and a scale in `SCALES`.
 
     The algorithm is that of Eisel and Lemire: Lemire, Number parsing at a gigabyte per second,
-    Software: Practice and Experience 51 (2021). 128 bits of the power suffice by Mushtak and Lemire,
+    Software: Practice and Experience 51 (2021). 128 bits of the power suffice: Mushtak and Lemire,
     Fast number parsing without fallback, same journal 53 (2023).
     """
     cdef uint64_t high, low, more, bits
@@ -200,8 +200,8 @@ cdef const char* number(
 cdef class Coder:
     """Numbers of the distinct texts of a column, in order of appearance.
 
-    Texts of tables repeat in cycles. So a text is first compared with the text of the row before, and
-    with the text that followed this one earlier.
+    Texts of tables repeat in cycles. So a text is first compared with the text of the row before,
+    and with the text that followed this one earlier.
     """
 
     cdef dict seen
@@ -250,13 +250,13 @@ cdef bint is_marked(const char* at, const char* stop) noexcept:
 def scan(
     bytes data, Py_ssize_t start, str delimiter, str decimal, const u8[::1] kinds, bint quotes
 ):
-    """Return columns of numbers (n, R), codes (k, R) of columns of texts, and their distinct texts.
+    """Return columns of numbers (n, R), codes (k, R) of texts, and the distinct texts of each.
 
-    Return None if a table is not plain: a row begins like a comment, or the number of its fields
-    differs from that of `kinds`; a field is not plainly a number or blank; or a field has a quote or
-    a line end inside. Without `quotes` around fields, the last field must not be blank either.
-    `kinds` is 1 for numbers, 2 for texts, 3 for both and 0 for columns to skip. `data` is UTF-8, and
-    rows begin at `start`. A blank as delimiter means any number of blanks and tabs.
+    Return None if a table is not plain: a row begins like a comment or has another number of fields
+    than `kinds`, or a field is not plainly a number or blank, or has a quote or a line end inside.
+    Without `quotes` around fields, the last field must not be blank either. `kinds` is 1 for
+    numbers, 2 for texts, 3 for both and 0 for columns to skip. `data` is UTF-8, and rows begin at
+    `start`. A blank as delimiter means any number of blanks and tabs.
     """
     cdef const char* base = data
     cdef const char* at = base + start
