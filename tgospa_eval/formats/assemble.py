@@ -218,7 +218,7 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             code="ids-begin-anew",
             text=f"ids of {quoted(own)} repeat in several values of {quoted(groups[0])}, and "
             "each id counts as one track",
-            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers begin anew in each",
+            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers restart in each",
         )
 
 
@@ -482,7 +482,7 @@ def _check_states(
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
         bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
         first = extent[wrong][:1].sum()
-        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {bound}")
+        leave_out(wrong, name, f"{first:g} is not a {name} of a box", f"; it must be {bound}")
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -677,9 +677,9 @@ def refusal(
         whole_id = "+".join([*groups, roles.headers[roles.id]])
         mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
         return (
-            f"{message}ids are numbered anew in each {quoted(groups[0])}: "
+            f"{message}ids restart in each {quoted(groups[0])}: "
             f"{ask(columns, [f'id={whole_id}'])} evaluates all as one scene, "
-            f"{mapped}{option('by', 'class')} each by itself"
+            f"{mapped}{option('by', 'class')} each separately"
         )
     remedy = f"{option('on_duplicate', 'first')} or last"
     if format == "frame":

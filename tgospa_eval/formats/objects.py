@@ -299,7 +299,7 @@ def components_of(
         return [[index(item) for item in side] for side in pair]
     except TypeError:
         raise ConfigError(
-            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of such"
+            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of these"
         ) from None
 
 
@@ -345,7 +345,7 @@ def _axis_of(dim: object, name: str) -> str:
         if word in words or word.removesuffix("s") in words:
             return letter
     known = ", ".join(words[0] for words in NAMED_AXES.values())
-    raise InputError(f"{name}: a dimension {quoted(str(dim))}; those of {known} are known")
+    raise InputError(f"{name}: a dimension {quoted(str(dim))}; known names are {known}")
 
 
 def _has_named_axes(side: object) -> bool:
@@ -368,7 +368,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
         return side
     axes = {dim: _axis_of(dim, name) for dim in side.dims}
     if "T" not in axes.values() or "R" in axes.values():
-        what = "no time" if "T" not in axes.values() else "runs, which compare and batch take"
+        what = "no time" if "T" not in axes.values() else "runs, which compare and batch accept"
         raise InputError(f"{name}: dimensions {', '.join(map(str, axes))}: {what}")
     arrays: dict[str, Any] = {}
     columns: dict[str, Any] = {}
@@ -388,7 +388,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
             kind = "weights"
         if kind in arrays:
             raise InputError(
-                f"{name}: {key} is not the only variable of such dimensions; choose one"
+                f"{name}: {key} is not the only variable of these dimensions; choose one"
             )
         if kind or values.dtype.kind in "iuf":
             (arrays if kind else columns)[kind or str(key)] = values
@@ -500,7 +500,7 @@ def read_object(
         return assemble(rows, options, "")
     if options.of_tables:
         raise ConfigError(
-            f"{option(options.of_tables)} is for files and tables, and {name} is none: choose "
+            f"{option(options.of_tables)} is for files and tables, and {name} is neither: choose "
             "its rows and columns before"
         )
     if isinstance(side, Trajectories):
@@ -516,8 +516,8 @@ def read_object(
         lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
         raise ConfigError(
             f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
-            "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair of times "
-            "and such, a mapping from id to array, a set of tracks with states, or a path"
+            "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair "
+            "(times, array), a mapping from id to array, a set of tracks with states, or a path"
         )
     is_chosen = mapping is not None or made.columns == columns or len(made.columns) <= 3
     warnings = () if is_chosen else (all_compared(made.columns),)
@@ -576,7 +576,7 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     try:
         frame: pd.DataFrame = pa.table(side).to_pandas()
     except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: no table that pandas can hold: {error}") from None
+        raise InputError(f"{name}: not a table that pandas can read: {error}") from None
     return frame
 
 
@@ -601,7 +601,7 @@ def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
         return np.asarray(tensor)
     except (TypeError, ValueError, RuntimeError) as error:
         text = " ".join(str(error).split())
-        raise InputError(f"{name}: no array that NumPy can see: {text}") from None
+        raise InputError(f"{name}: not an array that NumPy can read: {text}") from None
 
 
 def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajectories:

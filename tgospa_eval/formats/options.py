@@ -79,8 +79,8 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
         if wrong:
             rows = np.flatnonzero(np.isin(values, wrong))
             raise InputError(
-                f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is no "
-                f"number as for {way}{more(len(rows))}; leave it blank, or compare texts, "
+                f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is not a "
+                f"number as in {way}{more(len(rows))}; leave it blank, or compare texts, "
                 f"{column} == '{value}'"
             )
         values = np.array([numbers[text] for text in values.tolist()], float)
@@ -147,8 +147,8 @@ def _parsed(text: str, keyword: str) -> tuple[Comparison, ...]:
         value = given if number is None else number
         if isinstance(value, str) and mark not in ("==", "!="):
             raise ConfigError(
-                f"{keyword} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
-                f"by == and != alone; {option('time')} is for ranges of times"
+                f"{keyword} {quoted(text)}: {quoted(value)} is not a number, and texts are "
+                f"compared only by == and !=; {option('time')} is for ranges of times"
             )
         comparisons.append((column, mark, value))
         end, is_joined = match.end(), bool(match[4])

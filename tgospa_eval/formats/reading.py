@@ -65,7 +65,7 @@ class Shape:
 
     def __post_init__(self) -> None:
         if not all((np.abs(ring) <= FARTHEST).all() for ring in self.rings):
-            raise InputError(f"{self.where}: a number beyond {FARTHEST:g}, or none")
+            raise InputError(f"{self.where}: a number beyond {FARTHEST:g}, or not a number")
         if self.kind in (POLYGON, GEOJSON):
             for ring in self.rings:
                 if np.linalg.matrix_rank(ring - ring[0]) < 2:
@@ -226,13 +226,13 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
         other = read_by(replace(options, hidden=reading.idle))
         if other.taken and not other.idle:
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
-            text = f"{fault}, no known place: {place} are compared"
+            text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
     if not (reading.trajectories.state == -1).all():  # some scenes have only -1
         return reading
     warning = Notice(
         code="no-place",
-        text=f"{fault}, as of a place that is not known",
+        text=f"{fault}, as of an unknown position",
         remedy=f"name the columns of places, {option('columns', 'x=HEADER,y=HEADER')}",
     )
     return replace(reading, warnings=(*reading.warnings, warning))

@@ -145,7 +145,7 @@ def _of_coco(
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{path}: no annotations of COCO: {type(error).__name__}: {error}; each has image_id, "
+            f"{path}: not annotations of COCO: {type(error).__name__}: {error}; each has image_id, "
             "track_id and bbox, and each image an id"
         ) from None
     if all(row["id"] is None for row in rows) and rows:
@@ -164,7 +164,7 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
     videos = list(dict.fromkeys(str(image.get("video_id")) for image in images.values()))
     if len(videos) > 1 and options.classes is None and not options.by_class:
         raise InputError(
-            f"{path}: {len(videos)} videos ({listed(videos)}), which are no one recording; "
+            f"{path}: {len(videos)} videos ({listed(videos)}), which are not one recording; "
             f"{option('columns', 'class=video_id')} {option('class_', metavar='VIDEO')} reads "
             "one, or write a file for each"
         )
@@ -252,7 +252,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
     path = os.path.join(folder, f"{name}.json")
     rows = load_json(path, load(path, max_bytes(options.max_input, path)), options)
     if not isinstance(rows, list):
-        raise InputError(f"{path}: no table of nuScenes, which is a list of records")
+        raise InputError(f"{path}: not a table of nuScenes, which is a list of records")
     for k, row in enumerate(rows, start=1):
         for key in ("token", *texts):
             text = row.get(key) if isinstance(row, dict) else None
@@ -284,10 +284,10 @@ def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
         return json.loads(data)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise InputError(f"{path}, {place}: no readable JSON: {error.msg}") from None
+        raise InputError(f"{path}, {place}: not readable JSON: {error.msg}") from None
     except (UnicodeDecodeError, RecursionError, ValueError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise InputError(f"{path}: no readable JSON: {reason}") from None
+        raise InputError(f"{path}: not readable JSON: {reason}") from None
 
 
 TRACKED = {
@@ -354,7 +354,7 @@ def _folder_for(path: str, options: ReadOptions) -> str:
             return folder
     raise InputError(
         f"{path}: names samples by tokens, whose times are in the tables of nuScenes: evaluate it "
-        f"against their folder (v1.0-...), or put {SAMPLES} and scene.json beside it"
+        f"against their folder (v1.0-...), or put {SAMPLES} and scene.json next to it"
     )
 
 
@@ -367,7 +367,7 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
         raise InputError(f"{path}: one of the tables of nuScenes; name their folder, {folder}")
     if not isinstance(results, dict):
         raise InputError(
-            f'{path}: no results of nuScenes; they are {{"meta": ..., "results": {{sample token: '
+            f'{path}: not results of nuScenes; they are {{"meta": ..., "results": {{sample token: '
             "[objects]}}"
         )
     return results
@@ -386,14 +386,14 @@ def _tracks(
                 "the version that was tracked"
             )
         if not isinstance(objects, list):
-            raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
+            raise InputError(f"{path}, sample {quoted(token)}: not a list of objects")
         if not objects:
             tracked.append(_Object(token, reason=NO_OBJECT))
         scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
                 if not isinstance(item, dict):
-                    raise TypeError("no object with keys")
+                    raise TypeError("not an object with keys")
                 if "tracking_id" not in item and "detection_name" in item:
                     raise ValueError("a detection; TGOSPA compares tracks, with a tracking_id")
                 name, klass = _text(item, "tracking_id"), _text(item, "tracking_name")

@@ -366,7 +366,7 @@ def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
         raise ConfigError(
-            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
+            f"columns: {quoted(other)} is not part of a box; for boxes map left, top, width, "
             "height, or the centre: x, y, width, height"
         )
     return BOX
@@ -453,7 +453,7 @@ class _Mixes:
             centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
             yield Notice(
                 code="corner-or-centre",
-                text=f"{listed(names[:2])} beside {listed(names[2:])} may be the corner or the "
+                text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or the "
                 "centre of boxes, and are compared as they are",
                 remedy=f"{ask(self.headers.option, corner)} if they are the corner, "
                 f"{ask(self.headers.option, centre)} if the centre",

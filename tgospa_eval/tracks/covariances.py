@@ -275,8 +275,8 @@ def accept(
             Notice(
                 code="covariance-repaired",
                 text=f"{what} not quite positive semi-definite, by up to "
-                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that "
-                "is was taken",
+                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest "
+                "valid one is used",
                 remedy="more digits in the file avoid that",
             )
         )

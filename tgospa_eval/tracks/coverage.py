@@ -90,8 +90,8 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
     """
     if OWN_MARKS in rules:
         raise ConfigError(
-            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, for a "
-            "tracker would say itself what it is not judged by; mark the truth "
+            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, as a "
+            "tracker would choose itself what is not evaluated; mark the truth "
             f"({option('ignore', MARKED)}) or give {option('ignore_regions')}"
         )
 

@@ -130,7 +130,7 @@ def test_dimensions_without_meaning(made: Any) -> None:
     with pytest.raises(InputError, match=r'^estimate: a dimension "colour"; those of run, time,'):
         evaluate(truth, odd, **GIVEN)
     twice = dict.fromkeys(("position", "velocity"), (("time", "object", "state"), estimate))
-    with pytest.raises(InputError, match=r"^estimate: velocity is not the only variable of such"):
+    with pytest.raises(InputError, match=r"^estimate: velocity is not the only variable of these"):
         evaluate(truth, made.dataset(twice, {}), **GIVEN)
     still = made.array(estimate[0], ("object", "state"), {})
     with pytest.raises(InputError, match=r"^estimate: dimensions object, state: no time$"):

@@ -525,7 +525,7 @@ def _category(texts: Coded, rows: Rows) -> Coded:
         at = np.flatnonzero(wrong[texts.code])
         row = int(at[0])
         raise InputError(
-            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is no class of '
+            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is not a class of '
             f"VisDrone{more(len(at))}; these are 0 to {len(CATEGORIES) - 1}, or -1 for none"
         )
     return Coded([name or "" for name in names], texts.code)
