@@ -42,7 +42,7 @@ class TimeMatching:
         Steps that count: those of either side, of one side, or of both.
     interpolate : {"estimate", "truth"}, optional
         Side that is interpolated at the timestamps of the other side, see `tracks.interpolation`.
-    max_gap : float, str, or pair of such, optional
+    max_gap : float, str, or pair of these, optional
         Longest time between two states of a track to interpolate across. With `resample` a second
         value is the longest time between two reports of an estimate in one run.
     resample : float or str, optional

@@ -88,7 +88,7 @@ CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO 
 """Kinds of time, and what they are called in messages."""
 
 PLACES, HEIGHT = ("lat", "lon"), "alt"
-"""State columns of places on the Earth, in degrees, and of heights in metres."""
+"""State columns of positions on the Earth, in degrees, and of heights in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -367,7 +367,7 @@ class Trajectories:
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional
-            Covariances; those of absent states are ignored. A matrix (d, d) holds for all states.
+            Covariances; those of absent states are ignored. A matrix (d, d) is used for all states.
 
         Raises
         ------
