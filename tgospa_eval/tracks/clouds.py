@@ -21,7 +21,7 @@ LARGEST_COORDINATE = 1e150
 """Largest coordinate of a particle, for which squares are doubles."""
 
 UNEVEN_SUM = 1e-3
-"""Difference of a sum of weights from 1 above which normalising them gives a notice."""
+"""Difference of a sum of weights from 1 above which normalising them is reported."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
