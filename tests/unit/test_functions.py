@@ -67,7 +67,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], grid="both")
     with pytest.raises(ConfigError, match="region is 3: must be a text"):
         evaluate([], [], region=3)
-    with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
+    with pytest.raises(ConfigError, match="time is for files and tables, and truth is neither"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
     with pytest.raises(ConfigError, match='with_ evaluates all classes together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
@@ -80,7 +80,7 @@ def test_every_option_is_a_keyword() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"columns": "x"}, "columns is for files and tables, and truth is none"),
+        ({"columns": "x"}, "columns is for files and tables, and truth is neither"),
         ({"decimal": ","}, "decimal is for files and tables"),
         ({"estimate_columns": "x"}, "estimate_columns is for files and tables, and estimate is"),
         ({"solver": Certified(), "gap": 0.1}, "gap is for a solver given by name"),

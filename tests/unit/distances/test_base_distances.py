@@ -482,7 +482,7 @@ def test_a_settings_file_names_circles(invoke: Invoke, write: Write, pair: tuple
         (
             ["--distance", "iou", "--columns", "left,top,width=x,height"],
             3,
-            ["t.csv", "line 2", '"width"', "0 is no width", "> 0"],
+            ["t.csv", "line 2", '"width"', "0 is not a width", "> 0"],
         ),
     ],
 )

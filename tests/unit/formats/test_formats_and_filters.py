@@ -172,7 +172,7 @@ def test_invalid_rows_are_left_out_if_that_is_asked(write: Write, tmp_path: Path
         (write("mot.txt", mot), "line 2"),
         (write("kitti.txt", kitti), "line 2"),
     ):
-        what = f'{where}, column "width": -3 is no width of a box (and 1 more); it must be >= 0'
+        what = f'{where}, column "width": -3 is not a width of a box (and 1 more); it must be >= 0'
         with pytest.raises(InputError) as caught:
             read(path)
         assert str(caught.value) == f'{path}, {what}; on_invalid="drop" leaves such rows out'

@@ -73,7 +73,7 @@ def test_which_it_is(write: Write, line: str, format_: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (GT + "3,1,0,0,1,1,1,12,0,0\n", 'line 6, column "class": "12" is no class of VisDrone;'),
+        (GT + "3,1,0,0,1,1,1,12,0,0\n", 'line 6, column "class": "12" is not a class of VisDrone;'),
         (GT + "3,1,0,0,1,1,x,4,0,0\n", 'line 6, column "score": not a number: "x"'),
         ("1,1,0,0,1,1,1,4,0\n", "9 fields; VisDrone tracks have 10"),
         ("1,-1,0,0,1,1,1,4,0,0\n", "every id is -1"),
