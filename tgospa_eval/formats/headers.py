@@ -6,15 +6,10 @@ If each object has separate columns, these are named by pattern, ``x=x{id},y=y{i
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import COMMAND, listed, option, quoted, surface
-
-if TYPE_CHECKING:
-    pass
-
 
 ID_MARK = "{id}"
 """Mark that means the id of an object in patterns of headers."""
