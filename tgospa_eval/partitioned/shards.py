@@ -40,16 +40,16 @@ class PartialSums(Breakdown):
 
     Parameters
     ----------
-    First of the L steps.
-        The first of the L steps.
-    Number of objects at each step.
-        Objects by step.
-    Summands of a proven lower bound of the cost, rounded outward.
-        Their sum is a proven lower bound of the cost, rounded outward.
-    Iterations of the solver.
-        Of the solver.
-    Whether the solver finished.
-        Whether the solver came to its end.
+    first : int
+        First of the L steps.
+    truths, estimates : (L,) int arrays
+        Number of objects at each step.
+    lower : (B,) float array
+        Summands of a proven lower bound of the cost, rounded outward.
+    iterations : int
+        Iterations of the solver.
+    solved : bool
+        Whether the solver finished.
     """
 
     first: int
