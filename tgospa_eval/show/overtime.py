@@ -308,7 +308,7 @@ class Lanes:
 
     Parameters
     ----------
-    side : DrawnSide
+    side : SideData
         The tracks.
     tracks : (L,) int array
         Tracks with a lane of their own, from above.

@@ -159,7 +159,7 @@ class PlotData:
         has the names of sides and parts.
     arrays : dict of str to int array
         Integers by name, as long as the data.
-    truth, estimate : DrawnSide
+    truth, estimate : SideData
         The tracks.
     about : str
         Value and parameters in words.
