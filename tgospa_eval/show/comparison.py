@@ -1,4 +1,4 @@
-"""Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
+"""Documents of `compare` in printed formats. All numbers come from the documents."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -23,9 +23,9 @@ TIES = (
 
 
 def estimates_document(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
-    """Report several estimates of one truth, or one with per-step GOSPA beside it.
+    """Report several estimates of one truth, or TGOSPA of one estimate next to per-step GOSPA.
 
-    `requested` are columns of the table.
+    `requested` are names of columns of the table.
     """
     return rendering.Document(
         kind=_what(document),
@@ -46,14 +46,14 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> renderi
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings about the data or about an order by covariances."""
+    """Yield warnings about an order by covariances if `of_order`, otherwise about the data."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
 
 
 def estimates_columns(document: Json) -> Columns:
-    """Return a row for each estimate, plain numbers."""
+    """Return a row for each estimate, with plain numbers."""
     items = document["estimates"]
     table = rendering.columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
@@ -78,7 +78,7 @@ def estimates_columns(document: Json) -> Columns:
 
 
 def pairs_columns(document: Json) -> Columns:
-    """Return a row for each pair of estimates: the second less the first, costs per step."""
+    """Return a row for each pair of estimates: costs per step of the second minus the first."""
     pairs = document["pairs"]
     table = rendering.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
@@ -106,9 +106,9 @@ def _what(document: Json) -> str:
     if count > 1:
         return f"Ranking of {count} estimates; {rendering.TO_STUDY}"
     if document["estimates"][0]["per_step_gospa"] is not None:
-        return f"TGOSPA beside per-step GOSPA for one estimate; {rendering.TO_RANK}"
+        return f"TGOSPA and per-step GOSPA for one estimate; {rendering.TO_RANK}"
     if document["runs"] == 1:
-        return f"TGOSPA beside other metrics for one estimate; {rendering.TO_RANK}"
+        return f"TGOSPA and other metrics for one estimate; {rendering.TO_RANK}"
     return f"Mean over the runs of one estimate; {rendering.TO_RANK}"
 
 
@@ -154,7 +154,7 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
 
 
 def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[rendering.Table]:
-    """Yield the table of the study, and below differences and costs."""
+    """Yield the table of the study, then differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
     title = study_table.value_name(document["parameters"]["order"], document["runs"])
     caption = study_table.study_caption(title, document["parameters"])
@@ -166,7 +166,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[renderin
 
 
 def _pair_tables(document: Json) -> Iterator[rendering.Table]:
-    """Yield differences to the first estimate, costs per step."""
+    """Yield differences to the first estimate as costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -189,7 +189,7 @@ def _pair_tables(document: Json) -> Iterator[rendering.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[rendering.Table]:
-    """Yield TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    """Yield TGOSPA, per-step GOSPA and the two rules for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -257,7 +257,7 @@ def _ranking_notes(document: Json) -> Iterator[str]:
 
 
 def solvers_document(document: Json) -> rendering.Document:
-    """Report one problem through several solvers."""
+    """Report several solvers on one problem."""
     runs = document["runs"]
     return rendering.Document(
         kind=f"Comparison of solvers; {rendering.TO_RANK}",
@@ -298,7 +298,7 @@ def solvers_document(document: Json) -> rendering.Document:
 
 
 def solvers_columns(document: Json) -> Columns:
-    """Return a row for each run, plain numbers."""
+    """Return a row for each run, with plain numbers."""
     runs = document["runs"]
     names = (
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
@@ -347,7 +347,7 @@ ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation
 
 
 def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
-    """Yield the value of the regularised problem, where a run has one."""
+    """Yield the value of the regularised problem, if a run has one."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
@@ -364,17 +364,17 @@ def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
-"""Solving and proof together, and what they consist of."""
+"""Solving and proof together, and their stages."""
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
-    """Return seconds of each stage, of all runs."""
+    """Return seconds of each stage for all runs."""
     each = [_split(run["seconds"]) for run in runs]
     return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Return the split of one run."""
+    """Return the seconds of the stages of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -403,7 +403,7 @@ def study_document(document: Json) -> rendering.Document:
 
 
 def study_report(document: Json, pictures: Iterable[str]) -> str:
-    """Report as Markdown, with the pictures that Markdown can show."""
+    """Report as Markdown, with the pictures in formats that Markdown can show."""
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
@@ -431,7 +431,7 @@ CAPTIONS = {
 
 
 def study_columns(document: Json) -> Columns:
-    """Return a row for each size and solver, plain numbers."""
+    """Return a row for each size and solver, with plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
         "targets": [size["targets"] for size, _ in rows],
@@ -480,7 +480,7 @@ def _study_lines(document: Json) -> Iterator[str]:
 
 
 def _times_table(document: Json) -> rendering.Table:
-    """Return the table of time and error; mean and standard deviation over the runs."""
+    """Return the table of time and error, as mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
@@ -499,7 +499,7 @@ def _times_table(document: Json) -> rendering.Table:
 
 
 def _rms_table(document: Json) -> rendering.Table:
-    """Return the table of the metric itself: roots per step, RMS over runs."""
+    """Return the table of the metric: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
     table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
@@ -546,7 +546,7 @@ DOCUMENTS = {
     "solvers": solvers_document,
     "study": study_document,
 }
-"""Text for people of each kind of document."""
+"""Report of each kind of document."""
 
 
 def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
@@ -620,7 +620,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Report the values between which the counts stay the same; best assignments only."""
+    """Yield the ranges of values with constant counts, for the best assignments only."""
     letter = rendering.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return
