@@ -22,7 +22,7 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
 LARGEST = 1e100
-"""Largest NEES kept, for finite sums of squares; covariances with a larger one count as singular."""
+"""Largest NEES: above it a covariance counts as singular, so that sums of squares are finite."""
 
 PAIRS_TOGETHER = 1 << 16
 """Number of pairs whose particles are processed together."""

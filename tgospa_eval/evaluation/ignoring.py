@@ -164,7 +164,7 @@ class Ignoring:
         """
         for (rule, column), there, name in zip(MARKS.items(), attributes, names, strict=True):
             if rule in self.texts and column not in there:
-                other = f"; for marks of estimates there is {OWN_MARKS}" * (rule == MARKED)
+                other = f"; for marks of estimates use {OWN_MARKS}" * (rule == MARKED)
                 raise ConfigError(f"{option('ignore', rule)}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
