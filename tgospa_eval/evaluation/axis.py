@@ -319,7 +319,7 @@ def _stamped(
     """Return steps without rows; times are written as in `like` and `labelled`, or in ISO 8601."""
     labels = None
     if clock != "number":
-        from tgospa_eval.tracks.conversion import iso  # lazy: as above
+        from tgospa_eval.tracks.conversion import iso  # lazy: rarely needed
 
         labels = np.empty(len(times), dtype=object)
         known = {

@@ -365,7 +365,7 @@ def _shapely() -> Any:
 
 def _text(value: Any) -> str:
     """Return a value of a table as text; a list of corners becomes ``x y; x y``."""
-    import pandas as pd  # lazy: files do without
+    import pandas as pd  # lazy: only for tables
 
     if isinstance(value, list | tuple | np.ndarray):
         return "; ".join(" ".join(str(float(part)) for part in pair) for pair in value)

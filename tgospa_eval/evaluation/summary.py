@@ -201,7 +201,7 @@ class Axes:
         if self.is_box:  # the position of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
         if self.on_earth:
-            from tgospa_eval.distances.sphere import RADIUS  # lazy: most states are others
+            from tgospa_eval.distances.sphere import RADIUS  # lazy: rarely needed
 
             latitude = 0.5 * (first + second)[:, self.chosen[1]]
             difference[:, :2] *= np.radians(RADIUS)
