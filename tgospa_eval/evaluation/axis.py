@@ -200,7 +200,7 @@ def _resampled(
 
 
 def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
-    """Return a side without rows at the other side's timestamps, which interpolation leaves out."""
+    """Return the side; without rows, which cannot be interpolated, at the other's timestamps."""
     if len(side.step) or not len(ticks.times):
         return side
     return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
@@ -385,7 +385,7 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.reports is not None:  # reports count at their own stamps
+    if axis.reports is not None:  # reports count at their own timestamps
         narrow = estimate = axis.reports.estimate
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED

@@ -344,7 +344,7 @@ class SeparateStretches:
         self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
     def of_whole(self) -> tuple[Floats, Floats, Floats]:
-        """Return what the solution of the whole problem proves, in the form of `solve`."""
+        """Return the proof from the solution of the whole problem, in the form of `solve`."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
@@ -534,7 +534,7 @@ def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
 
 
 def unpaired_by_step(states: States) -> Floats:
-    """Return the cost at each step of the truths and estimates without a near pair, (2, T)."""
+    """Return the cost at each step of true states and estimates without a near pair, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
     for own, side in zip(total, problem.sides, strict=True):
@@ -709,7 +709,7 @@ def _narrow(
 
 
 def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
-    """Return the solver for the remaining time, and its own stopwatch, which shows nothing."""
+    """Return the solver for the remaining time, and a separate stopwatch without display."""
     stopwatch, left = Stopwatch(), limit.left()
     stopwatch.progress = limit.progress.silent()
     return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch

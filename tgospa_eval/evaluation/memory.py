@@ -28,7 +28,7 @@ BASE = {
 """Bytes of interpreter and libraries, with CSV and with Parquet files, by stage.
 
 ``whole`` is an evaluation in memory and ``main`` the process of data in parts. ``worker`` is each
-worker without the memory that it shares with ``main``."""
+worker without the memory that it shares with ``main``. ``report`` is that of data in parts."""
 
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
 """Bytes of each row that is read, bytes of each near pair of a component, factor for pictures.
@@ -118,7 +118,7 @@ class Share:
         Raises
         ------
         MemoryTooSmallError
-            The limit is below what one process needs.
+            The limit is below the need of one process.
         """
         main, report = base("main", formats), base(f"report{', drawn' * pictures}", formats)
         entry = BYTES_AN_ENTRY + BYTES_KEPT * pictures

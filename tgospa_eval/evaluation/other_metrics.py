@@ -94,7 +94,7 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Compu
     Parameters
     ----------
     sums : mapping
-        Sums of `ComputedMetrics.sums`, possibly with others.
+        Sums of `ComputedMetrics.sums`, possibly with other values.
     names : iterable of str
         Metrics in the sums, except GOSPA.
     zero : float

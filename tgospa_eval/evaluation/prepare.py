@@ -205,7 +205,7 @@ class NearPairs:
         cutoff: float,
         resources: Resources,
     ) -> "NearPairs":
-        """Return both sides as they are compared, and their pairs within such a cutoff."""
+        """Return both sides as they are compared, and their pairs within this cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
             aligned.truth.reduced_to(distance.kinds),

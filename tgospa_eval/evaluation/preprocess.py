@@ -100,7 +100,7 @@ def preprocessed(
     Raises
     ------
     ConfigError
-        The truth lacks the information on what is not evaluated.
+        The truth does not mark the boxes that are not evaluated.
     """
     benchmark, _, how = rule.partition(":")
     chosen = option("preprocess", rule)

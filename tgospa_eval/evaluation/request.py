@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Sliding:
-    """Windows of length `size`: one begins at the first step, and others follow at spacing `every`.
+    """Windows of length `size`, the first one at the first step, with spacing `every`.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ OTHER_METRICS = (*MOT_METRICS, "gospa", NEES)
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationRequest:
-    """Resolved options that change the number, its bracket, or what is computed from it.
+    """Resolved options that change the number, its bracket, or further results.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
     Raises
     ------
     ConfigError
-        One cannot be understood, or is given twice.
+        A text cannot be understood, or is a duplicate.
     """
     slices_by_text: dict[str, SliceBy] = {}
     several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts

@@ -63,7 +63,7 @@ Rule = tuple[str, Mask, Floats, str]
 def contradiction(
     values: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
 ) -> str | None:
-    """Describe the first number that contradicts the others; None if all fit.
+    """Describe the first number that contradicts another one; None if all fit.
 
     Parameters
     ----------

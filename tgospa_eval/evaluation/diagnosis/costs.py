@@ -95,12 +95,12 @@ FIRST_STEPS = 25
 """Number of steps that are examined first."""
 
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
-"""Largest number of rows of either side at these steps, and the number for `FEWEST_STEPS` steps.
+"""Largest number of rows of either side, and a larger limit to reach `FEWEST_STEPS` steps.
 
 With fewer steps nothing looks sound, and the search for another clock takes longer."""
 
 SAMPLE_PAIRS = 200_000
-"""Number of pairs at these steps, near or not, beyond which steps fall to `FEWEST_STEPS`."""
+"""Largest number of pairs, near or not, at more than `FEWEST_STEPS` steps."""
 
 FEWEST_STEPS = 8
 """Smallest number of steps that can cause a warning of a shift."""
@@ -348,12 +348,12 @@ class Sample:
 
     @cached_property
     def is_bad(self) -> bool:
-        """True if most truths and estimates have no counterpart."""
+        """True if most true states and estimates have no counterpart."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
-    """Return the share of the cost saved there; 0 unless it is half or more, at most steps.
+    """Return the share of the cost saved there, if it is half or more, at enough steps; else 0.
 
     `fewest` is a number of steps, half of which must become cheaper. Objects that are not
     examined there cost as much as objects without a counterpart, so leaving them out saves nothing.

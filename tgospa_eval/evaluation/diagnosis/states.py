@@ -206,9 +206,9 @@ FEWEST_PAIRS = 6
 FITTED = 12
 
 VOTES, EACH = 6_000, 40
-"""Number of differences of states among which an offset is sought, in all and for each estimate.
+"""Numbers of differences for the search of an offset: in total, and for each estimate of a step.
 
-The second is for the estimates of a step, because one difference of each may be right."""
+The larger result counts. One of the differences of each estimate may be right."""
 
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
@@ -326,7 +326,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # angles have no such option
+            way = option("unit_scale", value)  # angles lack this option
             if angles or names != lengths:
                 way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
