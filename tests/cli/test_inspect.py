@@ -124,7 +124,7 @@ def test_a_cutoff_is_suggested_with_its_reason(invoke: Run, write: Write) -> Non
     document = json.loads(invoke("inspect", *crowd, "--format", "json").out)
     suggested = document["both"]["nearest"]["suggested"]
     assert suggested["cutoff"] == 1
-    assert suggested["reason"].endswith("a nearer estimate, and 100 % another truth")
+    assert suggested["reason"].endswith("a nearer estimate, and 100 % another true object")
     half = write("t.csv", rows(100, 0, 4)), write("e.csv", rows(100, 0.3, 2))
     found = json.loads(invoke("inspect", *half, "--format", "json").out)["both"]["nearest"]
     assert found["suggested"] is None  # half of the truths have no estimate at all

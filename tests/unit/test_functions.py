@@ -254,7 +254,7 @@ def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
     files = [os.path.join(folder, name) for name in ("truth.csv", "estimate.csv")]
     made = simulate(targets=4, seed=3)
     assert evaluate(*made, **GIVEN).total == pytest.approx(evaluate(*files, **GIVEN).total)
-    with pytest.raises(ConfigError, match="no error of a tracker 'noize'; there are noise, "):
+    with pytest.raises(ConfigError, match="'noize' is not an error of a tracker; use noise, "):
         simulate(noize=1.0)
 
 

@@ -70,7 +70,7 @@ def test_states(sample: Sides, fault: str) -> None:
         (lambda t: t * 10**9, "run 1,000,000,000 times as fast"),
         (
             lambda t: t / 1000,
-            "run 1,000 times slower than that of the truth, like seconds beside",
+            "run 1,000 times slower than that of the truth, like seconds next to",
         ),
     ],
 )
@@ -281,5 +281,5 @@ def test_epochs_in_other_units(
 def test_few_common_steps_are_told_with_any_grid(sample: Sides) -> None:
     truth, estimate = sample
     moved = replace(estimate, times=estimate.times + 50)
-    with pytest.warns(TgospaWarning, match="; the others are left out"):
+    with pytest.warns(TgospaWarning, match="; other steps are left out"):
         evaluate(truth, moved, 10.0, 2, 5.0, grid="common", outage="none")

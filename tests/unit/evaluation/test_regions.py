@@ -223,7 +223,7 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
         ('{"type": "Point", "coordinates": [0, 1]}', 'feature 0: "Point" is neither a Polygon'),
         ('{"type": "Polygon", "coordinates": [[0, 1]]}', "feature 0: the coordinates of a Polygon"),
         ('{"type": "Polygon", "coordinates": [[["0", 1]]]}', "feature 0: the coordinates of a"),
-        ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: no JSON"),
+        ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: not JSON"),
         ('{"a": ' + "[" * 100000, "not GeoJSON: nested too deeply"),
         ('{"type": "Feature", "properties": {"t": "x"}, "geometry": {"type": "Polygon", '
          '"coordinates": [[[0, 0], [1, 0], [0, 1]]]}}', 'feature 0, property "t": not a time'),

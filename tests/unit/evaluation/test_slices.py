@@ -344,7 +344,7 @@ def test_ties_are_said() -> None:
         ("x=inf", "edges are finite numbers"),
         ("lane=L::R", "a value is blank or given twice"),
         ("lane=L:L", "a value is blank or given twice"),
-        ("lane=Q", "none of these exists; there are L, R"),
+        ("lane=Q", "no such value; the values are L, R"),
         ("lane=0:1", r'has texts \(L, R\), which have no edges; by value: slices="lane"'),
         ("lane=weight", r"has texts \(L, R\), which have no weight"),
         ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),
