@@ -124,8 +124,8 @@ class Programming:
     crowd: int = 20_000
     crowded: float = 0.5
     """If a component has more than `crowd` states, the reach of early programmes is multiplied by
-    `crowded`. MOT17-02 by centres with c = 300 takes 1.2 instead of 1.9 s, 100,110,150,2 with
-    c = 50 1.9 instead of 2.7 s; but 50,100,20,2, with 12,000 near states, 0.40 instead of 0.33 s."""
+    `crowded`. MOT17-02 by centres with c = 300 takes 1.2 instead of 1.9 s, 100,110,150,2 with c =
+    50 1.9 instead of 2.7 s; but 50,100,20,2, with 12,000 near states, 0.40 instead of 0.33 s."""
 
     resumed: tuple[float, ...] = (0.05, 0.05, 0.2, 0.2)
     """Reaches after the stages of a warm start, where a few prices may be far off. Not measured."""
@@ -137,7 +137,7 @@ class Programming:
     sure: float = 40.0
     """If brackets are narrower than c^p / `sure`, reaches and tolerances are fractions of `sure`
     times their width; the first reach is four times the width. Otherwise no reduced cost shows a
-    switch that costs 1e-9 c^p: 20 x 21 x 20 on a line with p = 1 takes 0.8 instead of 23 s."""
+    switch that costs 1e-9 c^p: 20 x 21 x 20 on a line with p = 1 takes 0.8, not 23 s."""
 
     stuck: float = 0.5
     stuck_gap: float = 0.005
@@ -146,7 +146,7 @@ class Programming:
 
     group: int = 3000
     """States of components that share a programme. The time of the simplex method grows faster than
-    its size, so that components in one programme take longer than one after the other."""
+    its size: components in one programme take longer than one after the other."""
 
     after: int = 10
     """Steps after the last state of a group in which its losses may still appear. Not measured."""
