@@ -470,7 +470,7 @@ cdef class Brackets:
         return np.array(self.found)
 
     def mark(self, const double[::1] prices, double reach):
-        """Set the `flags` of every state, and the values `own` of the best assignment, at prices."""
+        """Set the `flags` of every state, and the values `own` of the best weights, at prices."""
         with nogil:
             self._survey(&prices[0], True, reach, NULL)
 
@@ -1185,7 +1185,7 @@ cdef class Chain:
                 at.cursor[x] = at.after[at.cursor[x] + 1]
 
     def heat(self, double epsilon):
-        """Set ``K = exp((g - v - mu) / epsilon)``, ``K_0 = exp(-mu / epsilon)``, mu the largest or 0."""
+        """``K = exp((g - v - mu) / epsilon)``, ``K_0 = exp(-mu / epsilon)``, mu the largest or 0."""
         cdef Py_ssize_t n, l, c, k
         cdef double top, value
         with nogil:

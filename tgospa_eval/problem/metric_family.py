@@ -68,8 +68,8 @@ class Parameters:
         object.__setattr__(self, "rho", real_number("rho", self.rho))
         if not SMALLEST_RHO <= self.rho <= 1 - SMALLEST_RHO:
             raise ConfigError(
-                f"rho is {self.rho:g}: must be between 0 and 1, {SMALLEST_RHO:g} from either at "
-                "least; it is the share of c^p that a false target costs"
+                f"rho is {self.rho:g}: must be between 0 and 1, at least {SMALLEST_RHO:g} from "
+                "both; it is the share of c^p that a false target costs"
             )
         if not -300 < self.order * math.log10(self.cutoff) < 300:
             raise ConfigError(
