@@ -214,5 +214,5 @@ def _solve(programme: Programme, seconds: float | None) -> tuple[Status, str, in
     except cp.error.SolverError as error:
         return Status.CLARABEL_FAILED, " ".join(str(error).split())[:80], 0
     if problem.status not in CVXPY_ENDS:
-        raise SolverError(f"Clarabel reports {problem.status!r}, but every programme has an optimum")
+        raise SolverError(f"Clarabel reports {problem.status}, but every programme has an optimum")
     return CVXPY_ENDS[problem.status], "", int(problem.solver_stats.num_iters or 0)
