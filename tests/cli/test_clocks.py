@@ -91,7 +91,11 @@ def test_dates_that_may_be_either_are_never_guessed() -> None:
         (UTC, {"format": "fortnights"}, "must be a format such as"),
         (UTC, {"format": "%d/%m/%Y"}, "does not fit"),
         (["1", "x"], {"format": "s"}, '"x" does not fit'),
-        (["2025-04-03T10:00:00", "2025-04-03T10:00:10"], {}, "says what zone the ISO times are of"),
+        (
+            ["2025-04-03T10:00:00", "2025-04-03T10:00:10"],
+            {},
+            'name the zone of the ISO times, truth_time_zone="UTC" or another',
+        ),
         ([17, 18], {}, "write both as ISO times"),
     ],
 )

@@ -479,24 +479,34 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     missing = {}
     spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
     points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
-    for name, header in list(headers.mapped.items()):
-        if headers.spelt(header, name) is None:
-            from difflib import get_close_matches  # lazy: for mistakes only
+    lost = {n: header for n, header in headers.mapped.items() if headers.spelt(header, n) is None}
+    if not lost:
+        return {}
+    from difflib import get_close_matches  # lazy: for mistakes only
 
-            near = next(iter(get_close_matches(header, headers.names, n=1)), None)
-            wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
-            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
-            known = (near or "HEADER").replace("\\", r"\\")
-            mended = [wrong.sub(rf"\g<1>{known}", item) for item in given]
-            remedy = ask(headers.option, mended)
-            fault = (
-                f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
-                f"{f'did you mean {remedy}?' if near else f'name one of these, {remedy}'}"
+    near = {
+        name: next(iter(get_close_matches(header, headers.names, n=1)), "HEADER")
+        for name, header in lost.items()
+    }
+    items = ["=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ()]
+    for name, header in lost.items():
+        wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
+        right = near[name].replace("\\", r"\\")
+        items = [wrong.sub(rf"\g<1>{right}", item) for item in items]
+    remedy = ask(headers.option, items)
+    for name, header in lost.items():
+        fault = (
+            f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
+            + (
+                f"name one of these, {remedy}"
+                if "HEADER" in near.values()
+                else f"did you mean {remedy}?"
             )
-            if name not in options.shared and not (points and name in spreads):
-                raise InputError(fault)
-            missing[name] = fault
-            del headers.mapped[name]
+        )
+        if name not in options.shared and not (points and name in spreads):
+            raise InputError(fault)
+        missing[name] = fault
+        del headers.mapped[name]
     return missing
 
 

@@ -369,6 +369,10 @@ def within(difference: Times, tolerance: float, sides: tuple[Times, Times], cloc
     return np.asarray(difference <= tolerance + _spacing(*sides))
 
 
+MIN_EPOCH = 1e8
+"""Smallest number that may be a time since 1970, in any unit."""
+
+
 def comparable(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Times, Times]:
@@ -382,11 +386,14 @@ def comparable(
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
         if "local" in (truth.clock, estimate.clock):
-            role = "truth" if truth.clock == "local" else "estimate"
-            remedy = (
-                f"{option(f'{role}_time_zone', 'UTC')}, or another, says what zone the ISO times "
-                "are of"
+            role, other = ("truth", estimate) if truth.clock == "local" else ("estimate", truth)
+            zone = (
+                f"name the zone of the ISO times, {option(f'{role}_time_zone', 'UTC')} or another"
             )
+            if other.clock == "zoned":
+                remedy = zone
+            elif abs(float(other.times[0])) >= MIN_EPOCH:
+                remedy += f"; or, if the numbers count from 1970, {zone}"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
             f"times of one run must be of one kind: {remedy}"
