@@ -33,7 +33,7 @@ SHAPES = {
 
 
 FARTHEST = 1e150
-"""Largest coordinate or size, for which areas are doubles."""
+"""Largest coordinate or size; areas of larger boxes overflow a double."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,8 +141,8 @@ class Reading:
     named : tuple of str
         Classes of all rows of the file, if classes were requested.
     missing : dict of str to str
-        Columns of `ReadOptions.shared` that the file lacks, with a message for each, which is for
-        the case that all files lack it.
+        Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
+        files lack the column.
     headers : dict of str to str
         Headers of columns that have other names in the file.
     centres : bool
@@ -344,7 +344,7 @@ def with_heights(
 
 
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
-    """Return both sides with zoned times if one has zoned times and the other times since 1970.
+    """Convert numbers since 1970 to zoned times if the other side has zoned times.
 
     The size of the numbers shows whether they are times since 1970, and a notice names the unit.
     """

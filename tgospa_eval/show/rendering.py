@@ -145,8 +145,8 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Smallest width of the first column on a terminal, and largest width that is used only to keep
-its texts different."""
+"""Smallest width to which the first column is shortened on a terminal. The column may get wider, up
+to the second number, to keep its texts different."""
 
 MIN_WORDS = 20
 """Smallest width of a column of wrapped words."""
@@ -335,7 +335,7 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The writer quotes texts that contain its own line end, so it has CR and LF here, and LF later.
+    # The writer quotes characters of its line end: CR LF makes it quote both. Lines then get LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -505,7 +505,7 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: the full width, the rest, or a sufficient width."""
+    """Return the width of the first column: the rest of the line, or what its texts need."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
     width = min(MIN_NAME_WIDTH, longest)

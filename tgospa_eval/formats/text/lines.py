@@ -88,8 +88,8 @@ def check_text(data: bytes, path: str) -> None:
     """
     if not data:
         raise InputError(
-            f"{path}: the file is empty; a set without objects is a header alone, or text of "
-            f"MOTChallenge or KITTI whose format is named ({option('truth_format')}, "
+            f"{path}: the file is empty; for a side without objects write the header alone, or "
+            f"say that it is MOTChallenge or KITTI text ({option('truth_format')}, "
             f"{option('estimate_format')})"
         )
     for magic, program in COMPRESSED.items():
