@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import yaml
+from evaluated_once import evaluated_once as evaluated_once  # a fixture of all tests here
 
 import tgospa_eval
 from tgospa_eval.api import batch_row
@@ -23,6 +24,8 @@ from tgospa_eval.campaign.gate.report import GATE_REPORTS
 from tgospa_eval.campaign.gate.rules import STATUS, Value, judge, parse_rules
 
 Invoke = Callable[..., Any]
+
+pytestmark = pytest.mark.usefixtures("evaluated_once")
 
 STEPS = 20
 SUITE = """
