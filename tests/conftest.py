@@ -35,13 +35,13 @@ os.environ["TERM"] = "xterm-256color"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# The same examples in every run, however busy the machine; new ones by `make fuzz`.
+# The same examples in every run, however busy the machine; new and more ones by `make fuzz`.
 settings.register_profile(
     "steady",
     derandomize=True,
     database=None,
     deadline=None,
-    max_examples=20,
+    max_examples=10,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -62,7 +63,7 @@ CASES = st.fixed_dictionaries(
 
 @given(seed=st.integers(0, 2**32 - 1), case=CASES)
 @settings(
-    max_examples=settings.default.max_examples // 5,
+    max_examples=examples(4),
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[str, Any]) -> None:

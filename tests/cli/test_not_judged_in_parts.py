@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from partitioned import without_summary
@@ -140,7 +141,7 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
     sizes=st.tuples(st.sampled_from([10, 30, 300]), st.integers(1, 60)),
 )
 @settings(
-    max_examples=settings.default.max_examples // 10,
+    max_examples=examples(2),
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_any_parts(

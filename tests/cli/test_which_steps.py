@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from answer import Answer
 from checkout import SAMPLES
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -329,7 +330,7 @@ scenes = st.lists(
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, at=st.integers(-5, 35))
 def test_another_false_state_never_lowers_the_value_per_step(
     clock: str, scene: list[tuple[int, int, float]], at: int
@@ -387,7 +388,7 @@ def test_another_false_state_never_improves_a_rank(
 
 
 @pytest.mark.parametrize("clock", ["default", "truth", "steps", "interpolated truth"])
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, gone=st.sets(st.integers(0, 39), min_size=1))
 def test_a_tracker_that_says_less_is_never_better(
     clock: str, scene: list[tuple[int, int, float]], gone: set[int]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -78,7 +79,7 @@ OPTIONS: list[dict[str, Any]] = [
 ]
 
 
-@settings(max_examples=5)
+@settings(max_examples=examples(5))
 @given(seed=st.integers(0, 2**32 - 1), options=st.sampled_from(OPTIONS))
 def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[str, Any]) -> None:
     rng = np.random.default_rng(seed)

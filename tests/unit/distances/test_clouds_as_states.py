@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from answer import Answer
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import cloud_distance, programme
@@ -179,7 +180,7 @@ def test_global_covariance_is_the_mean_of_all_clouds() -> None:
         evaluate(flat, flat, distance=CloudWasserstein(inner="mahalanobis"))
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.sampled_from([1.0, 2.0]))
 def test_tgospa_of_clouds_is_a_metric(seed: int, cloud_order: int, order: float) -> None:
     sides = [scene(seed + k, tracks=3, most=4) for k in range(3)]
@@ -291,7 +292,7 @@ def test_sliced_is_the_mean_or_the_largest_of_transports(order: int, maximum: bo
             assert as_dict(gated) == pytest.approx(below(cutoff, every), rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.booleans(), st.sampled_from([2, 3]))
 def test_sliced_is_a_pseudometric_below_the_whole_distance(
     seed: int, order: int, maximum: bool, size: int

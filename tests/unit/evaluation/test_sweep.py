@@ -9,6 +9,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from answer import Answer
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, pairs_of_sets, scene
@@ -54,7 +55,7 @@ def same_as_separate(
 
 
 @given(pairs_of_sets(), st.sampled_from(sorted(VALUES)), ORDERS)
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_points_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float
 ) -> None:
@@ -338,7 +339,7 @@ def test_what_the_picture_shows() -> None:
     ORDERS,
     st.tuples(st.floats(0.3, 3), st.floats(0.01, 2), st.floats(0.05, 0.95)),
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_prices_between_neighbours_prove_the_chord(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float, at: tuple[float, float, float]
 ) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from answer import Answer
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
@@ -66,7 +67,7 @@ def same_as_separate(
     st.integers(1, 10),
     st.data(),
 )
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_windows_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray],
     order: float,
@@ -229,7 +230,7 @@ def test_few_stretches_are_solved_and_each_once(monkeypatch: pytest.MonkeyPatch)
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 def test_a_time_limit_leaves_proven_brackets(seed: int) -> None:
     truth, estimate = scene(seed, 6, 7, 20, side=8.0)
     solver = Certified(time_limit=1e-9)
