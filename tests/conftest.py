@@ -17,7 +17,6 @@ import pytest
 from answer import Answer
 from browser import PATIENCE, Browser
 from checkout import SAMPLES
-from cluster import Running, cluster
 from hypothesis import HealthCheck, settings
 from proven import proven as proven  # a fixture of all tests
 from standing_pool import StandingPool
@@ -103,13 +102,6 @@ def workers_that_stay(
     """Batches of all tests but those of processes themselves share theirs."""
     if not OWN_PROCESSES & {*request.path.parts, request.path.stem}:
         monkeypatch.setattr(Processes, "open", lambda self, most: standing_pool.open(self, most))
-
-
-@pytest.fixture(scope="session")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A Dask cluster of two workers, for all tests of a process."""
-    with cluster(tmp_path_factory.mktemp("cluster")) as found:
-        yield found
 
 
 @pytest.fixture

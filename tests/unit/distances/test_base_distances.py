@@ -192,8 +192,8 @@ def test_near_pairs(name: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
     distance = METRICS[name]
     rng = np.random.default_rng([list(METRICS).index(name), len(way)])
     for spread in (1e-6, 3.0, 60.0, 1e4):
-        step = np.sort(rng.integers(0, 4, (2, 50)), axis=1)
-        truth, estimate = (table(own, states(name, rng, 50, spread), 4) for own in step)
+        step = np.sort(rng.integers(0, 4, (2, 30)), axis=1)
+        truth, estimate = (table(own, states(name, rng, 30, spread), 4) for own in step)
         every = np.sort(distance(truth.state[:, None], estimate.state[None]), axis=None)
         positive = every[every > 0]
         # Cutoffs at which a pair is exactly, and just within.

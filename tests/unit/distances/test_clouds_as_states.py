@@ -275,7 +275,7 @@ def sliced_one_by_one(a: Cloud, b: Cloud, distance: SlicedWasserstein) -> float:
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("maximum", [False, True])
 def test_sliced_is_the_mean_or_the_largest_of_transports(order: int, maximum: bool) -> None:
-    a, b = scene(1), scene(2)
+    a, b = scene(1, tracks=4, steps=2), scene(2, tracks=4, steps=2)
     for inner in ({}, {"inner": "mahalanobis", "covariance": [[4, 1], [1, 2]], "scale": (2, 0.5)}):
         distance = SlicedWasserstein(order=order, maximum=maximum, directions=7, **inner)
         every = {

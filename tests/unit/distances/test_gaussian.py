@@ -403,7 +403,7 @@ def test_near_pairs(d: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     period = (5.0, *[math.inf] * (d - 1))
     for distance in (W2, GaussianWasserstein(period=period, scale=(0.5,) * d)):
         for spread in (1e-6, 3.0, 1e4):
-            sides = [table(rng, 30, d, spread) for _ in range(2)]
+            sides = [table(rng, 18, d, spread) for _ in range(2)]
             axes = [distance.axes(side, slice(None)).T for side in sides]
             every = distance(axes[0][:, None], axes[1][None])
             together = sides[0].step[:, None] == sides[1].step[None]
