@@ -1,5 +1,8 @@
-"""How many examples a property gets: few in every run, the same; new and more by `make fuzz`."""
+"""How many examples a test gets: few in every run, the same; the others in the long runs."""
 
+from typing import Any
+
+import pytest
 from hypothesis import settings
 
 THOROUGH = 20
@@ -7,6 +10,14 @@ THOROUGH = 20
 
 
 def examples(number: int) -> int:
-    """In proportion to the profile, but not below 3, or below the number itself."""
+    """Of a property, in proportion to the profile, but not below 3, or below the number itself."""
     share = number * settings.default.max_examples // THOROUGH
     return max(share, min(number, 3))
+
+
+def seeds(few: int, every: int) -> list[Any]:
+    """The first few in every run, the others with `-m slow`."""
+    return [
+        *range(few),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(few, every)),
+    ]
