@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import browser
 import pytest
@@ -61,6 +62,9 @@ NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
 """They take longer than what most tests are about; tests/unit/show draws them."""
 
 
+FEW_DOTS = 30
+"""Of a picture, per inch."""
+
 NEW_OBJECTS = 50_000
 """New objects from which on cycles are looked for, as in the command: Python's 700 cost a sixth."""
 
@@ -102,6 +106,20 @@ def workers_that_stay(
     """Batches of all tests but those of processes themselves share theirs."""
     if not OWN_PROCESSES & {*request.path.parts, request.path.stem}:
         monkeypatch.setattr(Processes, "open", lambda self, most: standing_pool.open(self, most))
+
+
+@pytest.fixture(autouse=True)
+def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures with few dots, which take half the time; who looks at dots calls `written`."""
+    tools = sys.modules.get("tgospa_eval.show.figure_tools")
+    if tools is None:  # matplotlib is an extra
+        return
+    fine = tools.written
+
+    def coarse(made: Any, kind: str = "png", _dots: int = 0) -> bytes:
+        return fine(made, kind, FEW_DOTS)
+
+    monkeypatch.setattr(tools, "written", coarse)
 
 
 @pytest.fixture

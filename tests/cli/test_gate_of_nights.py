@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evaluated_once import evaluated_once as evaluated_once  # a fixture of all tests here
 
 Invoke = Callable[..., Any]
+
+pytestmark = pytest.mark.usefixtures("evaluated_once")
 
 STEPS = 12
 SUITE = """
