@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
+from answer import Invoke
 from partitioned import write_sides
 
 from tgospa_eval import ConfigError, SolverError, evaluate
@@ -32,7 +33,6 @@ from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "100", "-g", "50", "--jobs", "1")
 
 

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import yaml
+from answer import Invoke
 from evaluated_once import evaluated_once as evaluated_once  # a fixture of all tests here
 
 import tgospa_eval
@@ -23,8 +24,6 @@ from tgospa_eval.api import batch_row
 from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
 from tgospa_eval.campaign.gate.report import GATE_REPORTS
 from tgospa_eval.campaign.gate.rules import STATUS, Value, judge, parse_rules
-
-Invoke = Callable[..., Any]
 
 pytestmark = pytest.mark.usefixtures("evaluated_once")
 

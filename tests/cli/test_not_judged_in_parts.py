@@ -4,7 +4,7 @@ import json
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -22,7 +23,6 @@ from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "8", "-g", "3", "--jobs", "1", "-q")
 REGIONS = "t,x,y,radius\n,40,40,15\n12,60,60,40\n13,60,60,40\n"
 BOXES = "t,left,top,width,height\n,20,0,40,90\n9,0,0,100,100\n"

@@ -14,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from answer import Invoke
 from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
@@ -27,7 +28,6 @@ from tgospa_eval.simulation import Scene, Tracker, simulate
 
 pytest.importorskip("distributed")
 
-Invoke = Callable[..., Any]
 
 pytestmark = [
     pytest.mark.process,

@@ -2,22 +2,20 @@
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Answer, Invoke
 from checkout import SAMPLES
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, compare, evaluate
-
-Invoke = Callable[..., Answer]
 
 METRIC = {"cutoff": 10.0, "switch_penalty": 5.0}
 GIVEN = ("-c", "10", "-g", "5")

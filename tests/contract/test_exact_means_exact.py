@@ -4,13 +4,13 @@ Every bound is compared with the exact optimum of the input, without tolerance.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from claims import claim, judge, judged, reference_of, totals
 from examples import examples
 from far_scenes import WALKS, FarScene, far_scene
@@ -19,9 +19,6 @@ from hypothesis import strategies as st
 from strategies import ANY_ORDERS, far_scenes
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
-
-Write = Callable[[str, str], str]
-Run = Callable[..., Any]
 
 SLOW_TINY = 10_000
 

@@ -7,19 +7,16 @@ import itertools
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Run
 from examples import seeds
 
 from tgospa_eval import Result, Trajectories, evaluate
 from tgospa_eval.results.summary import flat
-
-Run = Callable[..., Answer]
 
 
 def scene(seed: int, *, gaps: int = 2, swaps: bool = True) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from all_pairs import WAYS, assert_as_by_brute_force, go, table
+from answer import Invoke, Write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,9 +25,6 @@ from tgospa_eval.distances import (
     near_pairs,
 )
 from tgospa_eval.distances import pair_search as search
-
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 EARTH = 6371008.8
 COVARIANCE = [[4.0, 1.9, 0.0], [1.9, 1.0, 0.1], [0.0, 0.1, 9.0]]

@@ -4,7 +4,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Run, Write
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -47,9 +47,6 @@ from tgospa_eval.show.style import STYLES
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.covariances import unpack
-
-Write = Callable[[str, str | bytes], str]
-Run = Callable[..., Answer]
 
 TRUTH = "id,t,weight,x,y\n1,0,.5,0,0\n1,0,.3,2,0\n1,0,.2,0,3\n2,0,1,50,50\n1,1,.5,9,9\n1,1,.5,7,9\n"
 ESTIMATE = "id,t,weight,x,y\na,0,.6,1,0\na,0,.4,0,2\nb,0,1,50,51\na,1,1,8,9\n"

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Callable
 from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from all_pairs import WAYS, go
+from answer import Invoke, Write
 from checkout import SAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,8 +32,6 @@ from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 Array = np.ndarray
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import TgospaWarning, Trajectories, evaluate
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 BEGIN = datetime(2024, 5, 1, 12, tzinfo=UTC)
 

@@ -2,12 +2,11 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,8 +14,6 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, evaluate
 
-Invoke = Callable[..., Answer]
-Write = Callable[[str, str], str]
 PARTS = ["localisation", "missed", "false", "switch"]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from runs import warnings_of
 
 from tgospa_eval import TgospaWarning, Trajectories, evaluate, read_trajectories, sweep
@@ -16,8 +17,6 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
 
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 Sides = tuple[Trajectories, Trajectories]
 
 

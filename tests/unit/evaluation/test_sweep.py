@@ -1,14 +1,13 @@
 """Sweeps of a parameter: every point is a separate evaluation, however it was found."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -29,9 +28,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
-Invoke = Callable[..., Answer]
 Pair = tuple[str, str]
-Write = Callable[[str, str], str]
 
 VALUES = {
     "cutoff": [0.4, 0.8, 1.1, 1.6, 3.0],

@@ -2,14 +2,13 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,8 +18,6 @@ from tgospa_eval import Certified, ConfigError, Exact, evaluate
 from tgospa_eval.evaluation.curve import SeparateStretches
 from tgospa_eval.evaluation.request import Sliding
 
-Invoke = Callable[..., Answer]
-Write = Callable[[str, str], str]
 PARTS = ["localisation", "missed", "false", "switch"]
 
 

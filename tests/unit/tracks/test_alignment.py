@@ -1,11 +1,11 @@
 """Stamps that become one step, steps that count, and the warnings about clocks."""
 
 import json
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from examples import seeds
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,9 +19,6 @@ from tgospa_eval.evaluation.diagnosis import alignment_notices
 from tgospa_eval.evaluation.diagnosis.costs import StepRows, step_costs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 EUCLIDEAN = DISTANCES["euclidean"]
 
