@@ -88,7 +88,7 @@ def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[st
 
 def test_what_cannot_be_joined_is_evaluated_by_itself() -> None:
     rng = np.random.default_rng(5)
-    pairs = [scene(rng) for _ in range(6)]
+    pairs = [scene(rng) for _ in range(4)]
     same(pairs, cutoff=3.0, rho=0.3)
     same(pairs, cutoff=3.0, distance="chebyshev", solver="exact")
     same(pairs, cutoff=3.0, periodic="x=7")
