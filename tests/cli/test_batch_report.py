@@ -2,17 +2,14 @@
 
 import os
 import re
-from collections.abc import Callable
 from html import unescape
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from answer import Invoke
 from pages import NASTY
 from runs import PATTERNS, write_runs
-
-Invoke = Callable[..., Any]
 
 BATCH = ("batch", *PATTERNS, "-o", "r", "--workers", "1", "--unit", "m")
 RUNS = 3

@@ -3,17 +3,14 @@
 import json
 import shutil
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke
 
 from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate
-
-Invoke = Callable[..., Answer]
 
 UTC = ["2025-04-03T10:00:00Z", "2025-04-03T10:00:10.5Z"]
 METRIC = {"cutoff": 5, "switch_penalty": 1}

@@ -2,16 +2,14 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from checkout import SAMPLES
 
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 Row = tuple[str, int, float, float]
 
 METRIC = ("-c", "10", "-g", "5", "-q")

@@ -1,14 +1,10 @@
 """``--rho`` and ``--step-weights`` as a user types them."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from answer import Answer
-
-Run = Callable[..., Answer]
-Write = Callable[[str, str], str]
+from answer import Run, Write
 
 
 @pytest.fixture

@@ -1,16 +1,15 @@
 """Ids and columns without headers, as people's files have them."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import TgospaWarning, evaluate
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "20", "-g", "5")
 
 

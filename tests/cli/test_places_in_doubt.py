@@ -2,16 +2,16 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import TgospaWarning, batch, evaluate
 
-Invoke = Callable[..., Any]
 Rows = Iterable[Iterable[object]]
 
 

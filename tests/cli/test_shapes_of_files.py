@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.guess import folder_format
-
-Invoke = Callable[..., Any]
 
 STEPS = range(5)
 SHIFT = (0.3, 0.4)

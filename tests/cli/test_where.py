@@ -2,17 +2,15 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import ConfigError, InputError, associate, evaluate
 from tgospa_eval.formats.options import parse_where
-
-Invoke = Callable[..., Any]
 
 METRIC = ("-c", "5", "-g", "2")
 

@@ -2,21 +2,20 @@
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Answer, Invoke
 from checkout import SAMPLES
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, compare, evaluate
-
-Invoke = Callable[..., Answer]
 
 METRIC = {"cutoff": 10.0, "switch_penalty": 5.0}
 GIVEN = ("-c", "10", "-g", "5")
@@ -329,7 +328,7 @@ scenes = st.lists(
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, at=st.integers(-5, 35))
 def test_another_false_state_never_lowers_the_value_per_step(
     clock: str, scene: list[tuple[int, int, float]], at: int
@@ -387,7 +386,7 @@ def test_another_false_state_never_improves_a_rank(
 
 
 @pytest.mark.parametrize("clock", ["default", "truth", "steps", "interpolated truth"])
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, gone=st.sets(st.integers(0, 39), min_size=1))
 def test_a_tracker_that_says_less_is_never_better(
     clock: str, scene: list[tuple[int, int, float]], gone: set[int]

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 
 from tgospa_eval.results.saved import read_result
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
 OPTIONS = ("-c", "5", "-g", "1", "-q")
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 Save = Callable[..., str]
 
 

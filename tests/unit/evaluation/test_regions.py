@@ -3,14 +3,13 @@
 import io
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,9 +17,6 @@ from tgospa_eval import ConfigError, InputError, evaluate
 from tgospa_eval.evaluation.regions import as_regions, inside
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.frames import from_frame
-
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 
 BOX = ("left", "top", "width", "height")
 PLACES = ("5,5", "15,5", "5,15", "25,25", "0,0")

@@ -3,13 +3,14 @@
 import csv
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Write
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rows import PLAIN, SAME, refusal, rows_of
@@ -17,8 +18,6 @@ from rows import PLAIN, SAME, refusal, rows_of
 from tgospa_eval import InputError, Trajectories, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
-
-Write = Callable[[str, str | bytes], str]
 
 
 @pytest.fixture(autouse=True, scope="module", params=["compiled", "careful", "large"])

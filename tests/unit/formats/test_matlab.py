@@ -8,12 +8,12 @@ import shutil
 import struct
 import sys
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run
 from checkout import SAMPLES
 from scipy.io import savemat
 
@@ -21,7 +21,6 @@ from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate, read_t
 from tgospa_eval.engines import DiedError, call_in_helper
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
-Run = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
 RUN, TRUTH_73 = FOLDER / "run.mat", FOLDER / "truth73.mat"
 BOTH = {"tVec": [[1.0], [2.0]], "iVec": [[3.0], [1.0]], "xState": np.arange(12.0).reshape(2, 3, 2)}

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run
 from checkout import SAMPLES
 
 from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
 
-Run = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
 TABLES, RESULTS = FOLDER / "v1.0-mini", FOLDER / "nuscenes_results.json"
 BESIDE = ReadOptions(beside=(str(TABLES),))

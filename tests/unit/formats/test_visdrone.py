@@ -1,20 +1,16 @@
 """VisDrone tracks: what tells them apart, what is left out, and the answer of the same CSV."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Run, Write
 from checkout import SAMPLES
 
 from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.text.table import CATEGORIES, VISDRONE_FIELDS
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 FOLDER = SAMPLES / "visdrone"
 TRUTH, RESULT = str(FOLDER / "gt.txt"), str(FOLDER / "res.txt")

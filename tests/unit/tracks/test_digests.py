@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke, Write
 
 from tgospa_eval import ConfigError, SolverError, Trajectories, compare, evaluate, gate
 from tgospa_eval.campaign.row import same_data
@@ -17,8 +18,6 @@ from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.coverage import NOT_COUNTED, digest, marked
 
 Change = Callable[[Trajectories], Trajectories]
-Write = Callable[..., str]
-Invoke = Callable[..., Any]
 
 POINTS = Trajectories(
     step=np.array([0, 0, 1, 2]),
