@@ -31,7 +31,7 @@ from tgospa_eval.common import files
 from tgospa_eval.common.machine import available_memory, cores
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import on_surface, option, surface
+from tgospa_eval.quoting import on_surface, option, surface
 
 J = TypeVar("J")
 R = TypeVar("R")

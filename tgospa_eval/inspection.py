@@ -17,9 +17,9 @@ from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
+from tgospa_eval.quoting import ending, option
 from tgospa_eval.results.records import Json, Time
-from tgospa_eval.show.rendering import WIDTH, Table, clip, text_lines, wrap
-from tgospa_eval.text import ending, option
+from tgospa_eval.show.table_text import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -8,7 +8,7 @@ import pytest
 from answer import Run, Write
 
 from tgospa_eval import Trajectories
-from tgospa_eval.show.plane import draw_inspection
+from tgospa_eval.show.draw_plane import draw_inspection
 from tgospa_eval.show.style import STYLES
 
 TRUTH = "id,t,x,y\na,0,0,0\na,1,1,0\na,4,4,0\nb,0,9,9\nb,0,8,8\nb,1,,9\nb,2,9,5\n"

@@ -27,7 +27,7 @@ from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.show.charts import CHARTS
+from tgospa_eval.show.chart_list import CHARTS
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 

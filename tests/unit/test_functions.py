@@ -30,8 +30,8 @@ from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
+from tgospa_eval.quoting import option
 from tgospa_eval.simulation.settings import DEFAULT_ERRORS, default_tracker
-from tgospa_eval.text import option
 
 TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
 METRIC = ("-c", "10", "-g", "5")

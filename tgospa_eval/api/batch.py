@@ -46,12 +46,12 @@ from tgospa_eval.formats import ROLES, runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.options import parse_time_range
+from tgospa_eval.quoting import as_unicode, listed, option, quoted
 from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
-from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.study_table import checked_columns
-from tgospa_eval.text import as_unicode, listed, option, quoted
+from tgospa_eval.show.table_text import csv_text
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from tgospa_eval.api.report import Drawing
     from tgospa_eval.formats.objects import Components, Runs
     from tgospa_eval.show.batch import BandKind
-    from tgospa_eval.show.charts import Pictures
+    from tgospa_eval.show.chart_list import Pictures
 
 IN_MEMORY = "in memory"
 """Text that a store keeps in place of a path."""
@@ -757,6 +757,6 @@ def batch_files(
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.show.charts import pictures  # lazy: it draws
+    from tgospa_eval.show.chart_list import pictures  # lazy: it draws
 
     return files | pictures("batch", tables, wanted, notify)

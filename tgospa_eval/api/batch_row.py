@@ -27,8 +27,8 @@ from tgospa_eval.engines import Processes, spread
 from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
+from tgospa_eval.quoting import as_unicode, option
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
-from tgospa_eval.text import as_unicode, option
 
 SMALL = 1 << 20
 """Largest size of a file that is read at once for its digest."""

@@ -32,8 +32,8 @@ from tgospa_eval.formats.fields import floats, parse_times
 from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.objects import is_path
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult

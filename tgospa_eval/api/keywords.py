@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar, get_args
 from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, Request
 from tgospa_eval.common.config import OptionSpec
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 P = ParamSpec("P")
 T = TypeVar("T")

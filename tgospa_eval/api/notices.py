@@ -17,8 +17,8 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
+from tgospa_eval.quoting import option
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.text import option
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -15,7 +15,7 @@ from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import FORMATS
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.show.batch import BandKind

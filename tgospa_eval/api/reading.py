@@ -21,7 +21,7 @@ from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
-from tgospa_eval.text import listed, option
+from tgospa_eval.quoting import listed, option
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike

@@ -19,11 +19,11 @@ from tgospa_eval.formats import ROLES, ReadOptions
 from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
 from tgospa_eval.formats.options import parse_steps, parse_time_range, parse_where
+from tgospa_eval.quoting import option, surface
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
-from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion, signed_seconds
 from tgospa_eval.tracks.weights import EXISTENCE

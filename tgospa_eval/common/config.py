@@ -11,7 +11,7 @@ from typing import Any, Self, TypeAlias
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"

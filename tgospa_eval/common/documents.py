@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from tgospa_eval.common.files import SETTINGS, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.text import clipped, quoted
+from tgospa_eval.quoting import clipped, quoted
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Any
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 
 def _pyproj(what: str) -> Any:

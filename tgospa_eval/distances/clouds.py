@@ -64,7 +64,7 @@ from tgospa_eval.distances.transport import (
 )
 from tgospa_eval.distances.vector import EUCLIDEAN, Norm
 from tgospa_eval.errors import ConfigError, InputError, whole_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Distance, DistanceSettings, Pairs, Sides
 from tgospa_eval.distances.vector import Norm, shares
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -20,7 +20,7 @@ from tgospa_eval.distances.base import (
 )
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -36,7 +36,7 @@ from tgospa_eval.distances.transport import (
     sampled,
 )
 from tgospa_eval.errors import ConfigError, whole_number
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
 

@@ -11,7 +11,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Sides
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 RADIUS = 6371008.8

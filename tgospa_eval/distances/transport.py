@@ -22,7 +22,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number, whole_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Ints = NDArray[np.intp]

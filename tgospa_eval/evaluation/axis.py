@@ -14,7 +14,7 @@ from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of

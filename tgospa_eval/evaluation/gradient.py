@@ -18,8 +18,8 @@ from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE
+from tgospa_eval.quoting import option
 from tgospa_eval.results.gradient import Gradient
-from tgospa_eval.text import option
 
 
 def gradient(result: PairEvaluation) -> Gradient:

@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.formats.reading import Regions
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import MARKED, MARKS, OWN_MARKS, marked, marks_of
 from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.trajectories import Trajectories, Values

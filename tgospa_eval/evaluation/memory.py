@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import MemoryTooSmallError
 from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX
 from tgospa_eval.formats.loading import TABLE
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 MB = 10**6
 

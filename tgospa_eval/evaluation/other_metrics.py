@@ -32,8 +32,8 @@ from tgospa_eval.evaluation.mot_metrics import (
 from tgospa_eval.evaluation.prepare import PreparedPair, pairs_at_reports
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.solution import evaluated_rows
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import OtherMetrics, PairProof
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import ClockReports
 from tgospa_eval.tracks.trajectories import file_order
 

@@ -28,6 +28,7 @@ from tgospa_eval.problem.solution import (
     read_switches,
     read_tracks,
 )
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_nees, or_none
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation
@@ -44,7 +45,6 @@ from tgospa_eval.results.records import (
 )
 from tgospa_eval.results.slices import added_up
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import AlignedPair

@@ -28,9 +28,9 @@ from tgospa_eval.problem.metric_family import (
 )
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.states import States, merge_runs
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import ComparedSides, Json, Labels, input_record
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import (
     AWAY,

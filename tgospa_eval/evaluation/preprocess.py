@@ -32,7 +32,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.reading import Regions
 from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.coverage import marked
 from tgospa_eval.tracks.trajectories import file_order

@@ -25,11 +25,11 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Bounds, Solution, read_assigned, read_unjudged
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import MEAN, SPREAD, Costs, Json, PairProof
 from tgospa_eval.solvers import Solver
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.certified import Certified

@@ -23,7 +23,7 @@ from tgospa_eval.formats.objects import as_frame, is_path
 from tgospa_eval.formats.reading import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.trajectories import PLACES, TimeArray, Trajectories

@@ -13,9 +13,9 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import Parameters, needs_symmetry
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
-from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import MAX_STEPS, SECOND, TIME_UNITS, Conversion, Duration
 from tgospa_eval.tracks.trajectories import TimeArray

@@ -31,6 +31,7 @@ from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, changes, spare
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
     AND_MORE,
@@ -45,7 +46,6 @@ from tgospa_eval.results.slices import (
     Slicing,
     added_up,
 )
-from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 

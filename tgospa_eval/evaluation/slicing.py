@@ -8,8 +8,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.options import parse_region
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.slices import CROSSED
-from tgospa_eval.text import option, quoted
 
 AS_WEIGHT = "weight"
 """Word instead of edges for an attribute that is a share."""

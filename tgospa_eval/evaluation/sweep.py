@@ -22,11 +22,11 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States, merge_runs
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.sweep import Point, SweepEvaluation
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
-from tgospa_eval.text import option
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which interpolated prices of two neighbours are a useful start."""

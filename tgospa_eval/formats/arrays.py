@@ -24,7 +24,7 @@ from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3

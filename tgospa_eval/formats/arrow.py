@@ -12,7 +12,7 @@ from tgospa_eval.formats.loading import TABLE, check_memory, check_parquet, unre
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -16,7 +16,7 @@ from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 

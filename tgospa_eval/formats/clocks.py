@@ -11,7 +11,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, plain
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import EARLIEST, LATEST, Coded, TimeError, Times
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, TIME_UNITS, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Values
 

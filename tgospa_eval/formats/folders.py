@@ -13,7 +13,7 @@ from tgospa_eval.formats.guess import COMMENTS, files_of_folder
 from tgospa_eval.formats.loading import check_text_memory, unpacked_file
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.text.lines import decode
-from tgospa_eval.text import listed
+from tgospa_eval.quoting import listed
 
 TUM_FIELDS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 YOLO_FIELDS = ("class", "cx", "cy", "width", "height")

@@ -52,7 +52,7 @@ from tgospa_eval.formats.rows import (
 )
 from tgospa_eval.formats.text.lines import check_text, decode, lines_of, numbers
 from tgospa_eval.formats.text.table import header_of, split_rows
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.quoting import listed, quoted
 from tgospa_eval.tracks.trajectories import Values
 
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)

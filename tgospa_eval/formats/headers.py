@@ -9,7 +9,7 @@ from functools import cache
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import COMMAND, listed, option, quoted, surface
+from tgospa_eval.quoting import COMMAND, listed, option, quoted, surface
 
 ID_MARK = "{id}"
 """Mark that means the id of an object in patterns of headers."""

@@ -18,7 +18,7 @@ from tgospa_eval.common.files import CHUNK, SETTINGS, STDIN, named, read_bytes
 from tgospa_eval.common.machine import available_memory
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 GIGABYTE = 1e9
 DEFAULT_GIGABYTES = 4.0

@@ -41,7 +41,7 @@ from tgospa_eval.formats.loading import (
 )
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.quoting import listed, quoted
 
 Structure: TypeAlias = "dict[str, Value]"
 Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"

@@ -30,7 +30,7 @@ from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import READER, option, quoted, spelled_for
+from tgospa_eval.quoting import READER, option, quoted, spelled_for
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 from tgospa_eval.tracks.weights import WeightsByTime, repeated

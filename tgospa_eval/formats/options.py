@@ -19,7 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import Conversion, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 

@@ -8,7 +8,7 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import BLANK
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
 
 RULE = "weights must be >= 0 and not all zero"

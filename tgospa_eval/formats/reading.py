@@ -17,7 +17,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 

@@ -24,7 +24,7 @@ from tgospa_eval.formats.loading import TABLE, check_memory, load, max_bytes, un
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 
 Record = dict[str, Any]
 

@@ -16,7 +16,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 from tgospa_eval.tracks.weights import EXISTENCE
 

@@ -13,7 +13,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.fields import Coded, Times
 from tgospa_eval.formats.roles import Roles
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]

@@ -12,7 +12,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import check_parquet
 from tgospa_eval.formats.spread import entries
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 

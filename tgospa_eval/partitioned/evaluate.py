@@ -36,11 +36,11 @@ from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.quoting import listed
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import SPLIT_PARTS, Json, Labels, input_record
 from tgospa_eval.results.summary import mean, ratio, root
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories

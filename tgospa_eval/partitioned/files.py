@@ -32,7 +32,7 @@ from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
 from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
 from tgospa_eval.partitioned.tasks import Run, removing
-from tgospa_eval.text import listed, visible
+from tgospa_eval.quoting import listed, visible
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -28,7 +28,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.partitioned.files import File, FilePiece
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22

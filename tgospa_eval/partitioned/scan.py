@@ -25,9 +25,9 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.sides import PartsSide
 from tgospa_eval.problem.problem import Problem
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.coverage import row_sums
 from tgospa_eval.tracks.interpolation import find_times

@@ -54,7 +54,7 @@ from tgospa_eval.partitioned.runs import (
     write_runs,
 )
 from tgospa_eval.partitioned.tasks import Run, Task
-from tgospa_eval.text import listed, option
+from tgospa_eval.quoting import listed, option
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from tgospa_eval.common.machine import release_freed
 from tgospa_eval.engines import PersistentPool, spread
 from tgospa_eval.errors import SolverError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 REMOVED = ".removed-"
 """Prefix of folders whose content is being removed."""

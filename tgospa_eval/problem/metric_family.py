@@ -12,7 +12,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding. The mathematical libraries in

@@ -7,7 +7,7 @@ from contextlib import suppress
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.proof import PROOF_FOLDER, verify_tgospa
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 
 @dataclass(frozen=True, kw_only=True)

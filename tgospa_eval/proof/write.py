@@ -23,9 +23,9 @@ from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
+from tgospa_eval.quoting import as_unicode, quoted
 from tgospa_eval.results.records import ComparedSides, PairProof
 from tgospa_eval.solvers.warm_start import save_solution
-from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9

@@ -28,12 +28,12 @@ from tgospa_eval.common.documents import (
     read_document,
 )
 from tgospa_eval.errors import InputError
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS, Json
 from tgospa_eval.results.slices import OLDER_NUMBERS
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.text import option
 
 # -------------------------------------------------------------------------------------------------
 # The only check of stored numbers, for saved results, rows of stores and baselines.

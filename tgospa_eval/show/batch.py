@@ -19,15 +19,15 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
+from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
 from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.show import rendering, result_text, study_table
+from tgospa_eval.show import result_text, study_table, table_text
 from tgospa_eval.show.style import HEAT_LEVELS
 from tgospa_eval.show.time_axis import TimeAxis
-from tgospa_eval.text import listed, option
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -274,8 +274,8 @@ class Ranking:
 
     def place(self, entry: Json) -> str:
         """Return the proven place of an entry in words."""
-        return rendering.place_in_words(
-            *entry["place"], shared=entry["name"] in rendering.equal_names(self.comparisons)
+        return table_text.place_in_words(
+            *entry["place"], shared=entry["name"] in table_text.equal_names(self.comparisons)
         )
 
     def total(self, entry: Json) -> Interval:
@@ -601,7 +601,7 @@ def heat_of(
 # Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
 
 
-def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
+def slice_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield tables of costs of the groups split by attributes, if requested."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
@@ -703,14 +703,14 @@ def _plain(name: str, value: Any) -> Any:
     return list(value) if THRESHOLDS in name else value
 
 
-def document(tables: BatchTables) -> rendering.Document:
+def document(tables: BatchTables) -> table_text.Document:
     """Return the document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
-    return rendering.Document(
+    return table_text.Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
         lines=[
-            *filter(None, [rendering.parameters_of(_parameters(tables))]),
+            *filter(None, [table_text.parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
             *filter(_warns, tables.notes),
         ],
@@ -733,7 +733,7 @@ def of_expected(jobs: int, expected: int) -> str:
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
-def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
+def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield the table of the study with costs of a run, and rankings on fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
@@ -844,7 +844,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
     return [alike for alike in rivals.values() if len({rows[k]["jobs"] for k in alike}) == 1]
 
 
-def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
+def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield other metrics of the groups, if requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
@@ -867,7 +867,8 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if ranking.jobs < ranking.all_jobs:
         all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
         jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
+    order = table_text.order_in_words(ranking.value, entries, ranking.comparisons)
+    yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
@@ -876,7 +877,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
         yield f"{begin}: {first[0]} is significantly better than all others"
     else:
-        top = rendering.first_names([[name] for name in first])
+        top = table_text.first_names([[name] for name in first])
         yield f"{begin}: no significant difference at the top between {top}"
 
 
@@ -919,7 +920,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     if tables.rankings:
         yield "order and places are proven for these files, by the bounds"
     if opened:
-        yield rendering.SPLIT_NOTE
+        yield table_text.SPLIT_NOTE
     for population in dict.fromkeys(
         item.population for item in tables.rankings if item.permutations
     ):
@@ -931,7 +932,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
-            names = listed(ranking.left_out, rendering.MAX_NAMED)
+            names = listed(ranking.left_out, table_text.MAX_NAMED)
             yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
@@ -951,4 +952,4 @@ def about_other_metrics(tables: BatchTables) -> Iterator[str]:
 
 def batch_report(tables: BatchTables, format: str) -> str:
     """Return the report of a batch in the format of ``--format``."""
-    return rendering.rendered(format, tables, document, batch_json, batch_columns)
+    return table_text.rendered(format, tables, document, batch_json, batch_columns)

@@ -21,15 +21,15 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, explanation_of
 from tgospa_eval.problem.solution import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.states import ONE, assigned, spare
+from tgospa_eval.quoting import as_unicode, option
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, PairProof
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.charts import pictures
-from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.chart_list import pictures
 from tgospa_eval.show.style import FILES
-from tgospa_eval.text import as_unicode, option
+from tgospa_eval.show.table_text import csv_text
 from tgospa_eval.tracks.places import EARTH, on_earth
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]

@@ -20,13 +20,14 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
+from tgospa_eval.quoting import as_unicode
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import percent
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show import batch, rendering, result_text
-from tgospa_eval.show.charts import Pictures, pictures
+from tgospa_eval.show import batch, result_text, table_text
+from tgospa_eval.show.chart_list import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
 from tgospa_eval.show.study_table import NARROW
 from tgospa_eval.show.style import (
@@ -38,7 +39,6 @@ from tgospa_eval.show.style import (
     heat_shades,
     variables,
 )
-from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,7 +133,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "other_metrics": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
         "about_slices": list(result_text.about_slices(result.slicings, certified=result.certified)),
-        "summary": rendering.Table(
+        "summary": table_text.Table(
             head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
         ),
         "seconds": {
@@ -149,7 +149,7 @@ USED_BY_TEMPLATES = {
     "number": number,
     "percent": percent,
     "share": result_text.share,
-    "orders": rendering.ORDERS,
+    "orders": table_text.ORDERS,
     "shown_slices": result_text.shown_slices,
     "of_expected": batch.of_expected,
     "tracks": len(TRACK_COLOURS),
@@ -262,7 +262,7 @@ def card(result: Evaluation) -> str:
     return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
-def document_page(document: rendering.Document, kind: str, subject: Any, *, draws: bool) -> str:
+def document_page(document: table_text.Document, kind: str, subject: Any, *, draws: bool) -> str:
     """Return a report as a page, with pictures of a kind in `CHARTS` if `draws`."""
     shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
@@ -302,7 +302,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
         title=_title(tables, ranking),
         sentence=""
         if ranking is None
-        else rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
+        else table_text.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
         failed=len(failed),
         unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
         rankings=[_ranking(tables, one) for one in ranked],
@@ -375,7 +375,7 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
             "name": name,
             "track": tables.compared[name],
             "place": ranking.place(entry),
-            "statistical": rendering.place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "statistical": table_text.place_in_words(*(entry["statistical_place"] or (0, 0))),
             "per_step": tables.between(per_step),
             "sure": tables.between(sure, 4) if sure else "",
         }

@@ -6,8 +6,8 @@ Keys of citations are those of the BibTeX in docs/reference/cite.md.
 from typing import cast
 
 from tgospa_eval.common.words import counted, number
+from tgospa_eval.quoting import visible
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.text import visible
 
 TOOL, METRIC = "tgospa-eval", "garciafernandez2020metric"
 

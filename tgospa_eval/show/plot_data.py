@@ -22,13 +22,13 @@ from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, expla
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.solution import Windows, read_switches
 from tgospa_eval.problem.states import ONE
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPREAD, Columns, Json, Time, costliest
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.time_axis import TimeAxis, describe_times, readable
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 

@@ -16,6 +16,7 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.problem.solution import Windows
+from tgospa_eval.quoting import ending, option, visible
 from tgospa_eval.results.consistency import NEES, band_in_words
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
@@ -24,7 +25,7 @@ from tgospa_eval.results.slices import Slice, Slicing, in_order
 from tgospa_eval.results.summary import flat, percent
 from tgospa_eval.results.summary import rows as summary_rows
 from tgospa_eval.show.methods import methods
-from tgospa_eval.show.rendering import (
+from tgospa_eval.show.table_text import (
     INDENT,
     PART_HEADS,
     WIDTH,
@@ -41,7 +42,6 @@ from tgospa_eval.show.rendering import (
     text_lines,
     wrap,
 )
-from tgospa_eval.text import ending, option, visible
 
 if TYPE_CHECKING:
     from tgospa_eval.sensors import Pairing

@@ -21,8 +21,8 @@ from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.sweep import SweepEvaluation
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
+from tgospa_eval.show.draw_over_time import bars, name_times
 from tgospa_eval.show.figure_tools import figure, label, legend, literal, power, titled
-from tgospa_eval.show.overtime import bars, name_times
 from tgospa_eval.show.style import (
     COLOURS,
     FILLS,

@@ -9,11 +9,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import THOUSANDS, number
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import LOWER, NUMBERS, SHARES, SUMMARY
-from tgospa_eval.show.rendering import PART_HEADS, Table, best_cells, between, parameters_of
 from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.show.table_text import PART_HEADS, Table, best_cells, between, parameters_of
 
 PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
 """Columns of the parts, by their names in an option."""

@@ -12,8 +12,8 @@ from typing import Any
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.records import SPREAD
-from tgospa_eval.text import quoted
 
 LIGHT: Mapping[str, str] = {
     "paper": "#ffffff",

@@ -8,10 +8,10 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number, whole_number
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
 from tgospa_eval.simulation.tracker import particle_clouds
-from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 COLUMNS = {

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
@@ -386,13 +386,13 @@ def comparable(
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
         if "local" in (truth.clock, estimate.clock):
-            role, other = ("truth", estimate) if truth.clock == "local" else ("estimate", truth)
+            role, theirs = ("truth", estimate) if truth.clock == "local" else ("estimate", truth)
             zone = (
                 f"name the zone of the ISO times, {option(f'{role}_time_zone', 'UTC')} or another"
             )
-            if other.clock == "zoned":
+            if theirs.clock == "zoned":
                 remedy = zone
-            elif abs(float(other.times[0])) >= MIN_EPOCH:
+            elif abs(float(theirs.times[0])) >= MIN_EPOCH:
                 remedy += f"; or, if the numbers count from 1970, {zone}"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "

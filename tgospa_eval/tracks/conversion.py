@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, TimeArray, Trajectories
 
 SECOND = 1_000_000_000

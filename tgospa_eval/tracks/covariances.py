@@ -14,7 +14,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 MACHINE_EPSILON = 2.0**-52
 

@@ -19,7 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.kernels import kernels
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 from tgospa_eval.tracks.weights import existence_of
 

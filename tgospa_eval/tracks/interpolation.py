@@ -8,7 +8,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import (
     ClockReports,
     TimeMatching,

@@ -15,7 +15,7 @@ from tgospa_eval.common.arrays import Floats, Ints, freeze, index_type, places_o
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError, TgospaWarning
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds

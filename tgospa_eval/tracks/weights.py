@@ -6,7 +6,7 @@ from tgospa_eval.common.arrays import Floats, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Trajectories
 
 

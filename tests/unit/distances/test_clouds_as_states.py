@@ -42,7 +42,7 @@ from tgospa_eval.distances import clouds as bounds
 from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
-from tgospa_eval.show.plane import Plane, ellipses
+from tgospa_eval.show.draw_plane import Plane, ellipses
 from tgospa_eval.show.style import STYLES
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Cloud, Clouds

@@ -310,7 +310,7 @@ def test_pictures_of_the_folder(
 
 def test_what_the_picture_shows() -> None:
     pytest.importorskip("matplotlib")
-    from tgospa_eval.show.charts import pictures, plot
+    from tgospa_eval.show.chart_list import pictures, plot
 
     truth, estimate = scene(2, 3, 4, 12, side=10.0)
     found = sweep(truth, estimate, cutoff=[1, 2, 4, 8, 16], switch_penalty=2, unit="$m")

@@ -18,8 +18,8 @@ from answer import Invoke, Write
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.results.records import Columns
-from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.result_text import REPORTS
+from tgospa_eval.show.table_text import csv_text
 
 Pair = tuple[str, str]
 

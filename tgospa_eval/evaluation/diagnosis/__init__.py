@@ -27,7 +27,7 @@ from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warning
 from tgospa_eval.formats.headers import METRES
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -38,7 +38,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.interpolation import interpolated, on_lines

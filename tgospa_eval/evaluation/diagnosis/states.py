@@ -25,7 +25,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.formats.headers import BOX
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 SIDES = ("truth", "estimate")

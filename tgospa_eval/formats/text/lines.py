@@ -40,7 +40,7 @@ from tgospa_eval.formats.rows import (
     numbered,
     without_ids,
 )
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
 """The extension module; without it (None) reading large files takes some ten times as long."""

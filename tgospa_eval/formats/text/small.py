@@ -11,7 +11,7 @@ from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
 from tgospa_eval.formats.headers import FIRST_ALIASES
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import check_text, decode, numbers
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.weights import WeightsByTime, repeated
 
 MATRIX_NEEDED = "a matrix d x d is needed, without header"

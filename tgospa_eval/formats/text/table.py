@@ -54,7 +54,7 @@ from tgospa_eval.formats.text.lines import (
     plain_id,
     scanned,
 )
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 DELIMITERS = ",;\t"
 

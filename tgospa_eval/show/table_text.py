@@ -12,8 +12,8 @@ from typing import Any, Literal, TypeVar
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import PLAIN_DECIMAL, counted, sizes_in_words
+from tgospa_eval.quoting import clipped, ending, visible
 from tgospa_eval.results.records import Columns, Json, members_in_words
-from tgospa_eval.text import clipped, ending, visible
 
 T = TypeVar("T")
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.registry import load
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show import style as looks
 from tgospa_eval.show.style import FILES, STYLES, Style, styled
-from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,19 +33,19 @@ class Chart(NamedTuple):
 
 
 _PARTS = ("parts",)
-_PLANE = Chart("plane:draw_plane", ("columns",))
+_PLANE = Chart("draw_plane:draw_plane", ("columns",))
 _RESULT = {
-    "costs": Chart("overtime:draw_costs", _PARTS),
-    "lanes": Chart("overtime:draw_lanes"),
+    "costs": Chart("draw_over_time:draw_costs", _PARTS),
+    "lanes": Chart("draw_over_time:draw_lanes"),
     "plane": _PLANE,
-    "cumulative": Chart("overtime:draw_cumulative", _PARTS),
-    "worst": Chart("overtime:draw_worst", _PARTS),
+    "cumulative": Chart("draw_over_time:draw_cumulative", _PARTS),
+    "worst": Chart("draw_over_time:draw_worst", _PARTS),
     "nees": Chart(
-        "overtime:draw_nees",
+        "draw_over_time:draw_nees",
         absent="there is no NEES: evaluate with with_='nees', and states that have covariances",
     ),
     "windows": Chart(
-        "overtime:draw_windows",
+        "draw_over_time:draw_windows",
         _PARTS,
         "there are no windows: evaluate with window=, the steps of each",
     ),
@@ -62,7 +62,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "result": _RESULT,
     "result in parts": {name: _RESULT[name] for name in ("costs", "cumulative", "nees")},
     "associate": {"plane": _PLANE},
-    "inspect": {"inspection": Chart("plane:draw_inspection")},
+    "inspect": {"inspection": Chart("draw_plane:draw_inspection")},
     "sweep": {"sweep": Chart("several:draw_sweep")},
     "estimates": {
         "cumulative": Chart("several:draw_cumulative", absent="runs differ in number of steps")

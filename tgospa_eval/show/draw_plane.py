@@ -14,9 +14,9 @@ from matplotlib.patheffects import withStroke
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.show.draw_over_time import time_axis
 from tgospa_eval.show.figure_tools import boxes as corners
 from tgospa_eval.show.figure_tools import figure, legend, literal, titled
-from tgospa_eval.show.overtime import time_axis
 from tgospa_eval.show.plot_data import (
     NONE,
     TIME,
