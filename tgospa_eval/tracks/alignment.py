@@ -56,7 +56,7 @@ class TimeMatching:
     outage : float, str, or "none", optional
         Shortest outage, if times of the estimate decide which steps count. If no estimate is near
         a true object for longer than this, the timestamps of the truth are also steps. By default
-        five times the median of such intervals.
+        five times the median time between states of the estimate near a true object.
 
     Raises
     ------
