@@ -181,7 +181,7 @@ def test_larger_scenes(family: str, index: int) -> None:
 # --- properties -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=examples(75))
+@settings(max_examples=examples(150))
 @given(scene=far_scenes())
 def test_bounds_hold(scene: FarScene) -> None:
     """The lower bound <= optimum <= upper bound; and called exact is what is within 1e-9."""

@@ -221,6 +221,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     ) in answer.err
 
 
+NOTICE = {"code": "a", "text": "b", "remedy": "c"}
 CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
     (
         lambda d: d.update(schema="tgospa-eval/result/9"),
@@ -248,6 +249,7 @@ CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
     (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
     (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
     (lambda d: d.update(warnings=[{"code": 1}]), "warnings[0].text: is missing; expected a"),
+    (lambda d: d.update(warnings=[NOTICE | {"more": 1}]), "warnings[0].more: is an unknown field"),
 )
 """Of a document, with what the refusal says."""
 

@@ -316,6 +316,15 @@ def test_other_states() -> None:
     assert [one.name for one in found.slices] == ["2", "4"]
 
 
+def test_numbers_of_one_side_are_read_beside_the_texts_of_the_other() -> None:
+    truth = pd.DataFrame({"id": ["a", "b"], "t": 0, "x": [0.0, 50.0], "kind": [1, 2]})
+    estimate = truth.assign(kind=["1", "x"])
+    (slicing,) = evaluate(truth, estimate, 2.0, slices="kind").slices()
+    assert [(one.name, one.truth_steps, one.estimate_steps) for one in slicing.slices] == [
+        ("1", 1, 1), ("2", 1, 0), ("x", 0, 1),
+    ]  # fmt: skip
+
+
 def test_shares_that_are_not_known() -> None:
     truth = table(TRUTH).assign(seen=[-1, 0.25, 1, np.nan])
     found = evaluate(truth, table(ESTIMATE).assign(seen=-1), 2, 1, 1, slices="seen=weight").slices()

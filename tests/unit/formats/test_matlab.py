@@ -16,6 +16,7 @@ import pytest
 from answer import Run
 from checkout import SAMPLES
 from scipy.io import savemat
+from scipy.sparse import csc_array
 
 from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate, read_trajectories
 from tgospa_eval.engines import DiedError, call_in_helper
@@ -123,6 +124,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
         ),
         ({"xState": np.ones((2, 3, 2)) * 1j}, "xState: not real numbers"),
         ({"xState": "text"}, "xState: not real numbers"),
+        ({"tVec": csc_array([[1.0], [2.0]])}, "tVec: not real numbers"),
         ({"xState": np.ones((2, 3))}, "xState is 2 x 3"),
     ],
 )
