@@ -1017,7 +1017,7 @@ def test_a_group_that_fails_says_where(gate: Invoke) -> None:
     slow = Path("out/slow/4.csv").read_text(encoding="utf-8")
     write("out/slow/4.csv", "".join(line for line in slow.splitlines(True) if line[:4] != "b,3,"))
     notes = " ".join(groups(gate("--format", "json"))["all"]["notes"])
-    assert "split, not proven: localisation 1,700.486 -> " in notes
+    assert "parts of the cost, not proven: localisation 1,700.486 -> " in notes
     assert ", missed 0 -> 50" in notes
     assert "worst scenes: dense +15.0%, slow +" in notes
     assert "worst runs: slow/4 +" in notes

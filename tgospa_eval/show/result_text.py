@@ -379,7 +379,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
-        *((("w, e", result.exclusions),) if result.exclusions else ()),
+        *((("ignored", result.exclusions),) if result.exclusions else ()),
     ]
 
 

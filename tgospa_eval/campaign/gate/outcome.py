@@ -400,7 +400,7 @@ def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
         if abs(values[path].upper - old[path]) > values[path].tolerance
     ]
     if moved:
-        yield f"split, not proven: {', '.join(moved)}"
+        yield f"parts of the cost, not proven: {', '.join(moved)}"
 
 
 def of_its_runs(

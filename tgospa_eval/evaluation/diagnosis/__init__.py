@@ -189,13 +189,13 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
-        f"{matching.gaps[0].text}, {number(float(lengths.sum()), 4)} in all, of id {ids}"
+        f"{matching.gaps[0].text}, together {number(float(lengths.sum()), 4)} long, of id {ids}"
     )
     if not states:
         return [Notice(text=text)]
     if request.ignoring is not None and request.ignoring.gaps:
         near = f"{counted(states, 'estimate state')} near the straight line across"
-        return [Notice(text=f"{text}: {option('ignore', 'truth-gaps')}, {near} cost nothing")]
+        return [Notice(text=f"{text}; by {option('ignore', 'truth-gaps')} {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(

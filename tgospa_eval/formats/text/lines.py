@@ -88,9 +88,9 @@ def check_text(data: bytes, path: str) -> None:
     """
     if not data:
         raise InputError(
-            f"{path}: the file is empty; for a side without objects write the header alone, or "
-            f"say that it is MOTChallenge or KITTI text ({option('truth_format')}, "
-            f"{option('estimate_format')})"
+            f"{path}: the file is empty; if there are no objects, write the header alone; only "
+            f"MOTChallenge and KITTI text may be empty, with {option('truth_format')} or "
+            f"{option('estimate_format')}"
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):
@@ -305,8 +305,8 @@ def blocks_of(
             are_marked = are_marked and len(begins) == len(texts)
             if marked and not are_marked:
                 raise InputError(
-                    f"{path}, line {marked}: a comment, not a row, or an id that begins like one; "
-                    "delete such lines (ids may begin like comments if all do)"
+                    f"{path}, line {marked}: begins like a comment, but has the fields of a row; "
+                    "delete the line (ids may begin so only if all ids do)"
                 )
             yield at, columns
     raise InputError(f"{path}, line {line}: {fault}; close quotes, and double those inside a field")
