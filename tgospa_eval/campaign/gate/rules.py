@@ -227,7 +227,7 @@ class Finding:
     inference : Inference, optional
         Inference from the runs of a group with several seeds.
     noisy : bool
-        Whether the pair is one of several runs with different seeds, which shows no improvement.
+        Whether the pair is one run among several seeds; a single run shows no improvement.
     note : str
         Message that replaces the usual one.
     """
