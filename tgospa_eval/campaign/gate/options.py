@@ -41,7 +41,7 @@ class GateOptions(Values):
         shown="total:+0.001%",
     )
     warn_on: tuple[str, ...] = _stored(
-        "--warn-on RULE", "The same, but only warn. Repeatable.", default=()
+        "--warn-on RULE", "A rule as for --fail-on that only warns. Repeatable.", default=()
     )
     maximum: tuple[str, ...] = _stored(
         "--max NAME=VALUE",
@@ -71,7 +71,7 @@ class GateOptions(Values):
         "--against TARGET",
         "Judge the estimates of this branch by the suite, the baseline, the truths and the "
         "configuration of the target branch, a git revision such as origin/main, or of a folder, "
-        "./target; what this branch has of these, and the environment, count for nothing.",
+        "./target. Files of these kinds in this branch, and the environment, are ignored.",
     )
     newer_than: str | None = _gate(
         "--newer-than FILE|TIME",
@@ -85,23 +85,23 @@ class GateOptions(Values):
     force: bool = _gate("--force", "Write into a folder with other files in it.")
     only: tuple[str, ...] = _gate(
         "--only PATTERN",
-        "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
+        "With --update-baseline, renew only the entries of these pairs: 'slow/*'. Repeatable.",
         default=(),
     )
     prune: bool = _gate(
         "--prune",
-        "With --update-baseline, remove entries of pairs that are there no more.",
+        "With --update-baseline, remove entries of pairs that no longer exist.",
     )
     group: str | None = _gate(
         "--group LABELS",
         "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
-        "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a change "
-        "is more than their noise.",
+        "judge the sums by --fail-on; all adds up all. Runs with different seeds show whether a "
+        "change is more than noise.",
     )
     confidence: float | None = _gate(
         "--confidence P",
-        "Of what is inferred from runs with other seeds: a tracker that is as good as the limit "
-        "fails in at most 1 - P of all gates.",
+        "Confidence of the tests by runs with different seeds: a tracker that is as good as the "
+        "limit fails in at most 1 - P of all gates.",
         shown="0.975",
     )
     seed_label: str | None = _gate(
