@@ -4,7 +4,8 @@ A group fails if its value is above the limit, and the seeds are an unlikely rea
 of two results. Either the test by the scatter of its runs supports that the tracker is worse than
 the limit allows. Or a rule on a total finds a jump: one scene or run is far above the usual spread
 of its seeds (`jumps`). A jump of a group within its limit does not fail. With `strict`, a group
-above its limit always fails.
+above its limit always fails. Absolute limits, values of assigned pairs, and groups with one run per
+scene are judged by the sums without a test.
 
 A dead run always fails, whatever the limit is. A dead run misses more states than halfway from the
 largest number that a run of its scene missed in the baseline to all states; a quarter of the way is
