@@ -1,1 +1,1 @@
-"""Rows judged by a baseline: rules, suites, groups of seeds, reports."""
+"""The gate: rows judged by a baseline, with rules, suites, groups of seeds and reports."""

@@ -1,13 +1,14 @@
-"""Scenes and runs that are far outside what their seeds do, however few the seeds are.
+"""Jumps: scenes and runs far above the usual spread of their seeds, found even with few seeds.
 
-The test of exchanges assumes nothing, and so supports little with few runs: the least p value of
-six is 1/64. A jump is known by the size of it. What is assumed: logarithms of costs, and arcsines
-of the roots of shares that are missed, scatter alike from night to night in all runs of a scene,
-about as a normal distribution does, and not much otherwise than in other scenes. The variance of a
-scene is that of its own runs, moderated by the others' (Smyth 2004): their median counts as much as
-`PRIOR` values. t quantiles of both freedoms make up for tails and for scenes that scatter more than
-others; and a run is no further outside than any run of the baseline was from its own other nights,
-if there are such. tests/support/nights.py measures it with simulated trackers.
+The test by exchanges makes no assumption, so it supports little with few runs: the smallest
+p value of six runs is 1/64. A jump is recognised by its size, under these assumptions. The
+logarithms of costs, and the arcsines of the roots of missed shares, scatter equally from night to
+night in all runs of a scene. Their distribution is about normal. Their scatter is similar to that
+of other scenes. The variance of a scene is that of its own runs, moderated by the other scenes
+(Smyth 2004): the median of the other variances counts as much as `PRIOR` values. t quantiles with
+the sum of both degrees of freedom allow for heavy tails, and for scenes that scatter more. If the
+baseline has several nights, a run is a jump only if it rises further than any run of the baseline
+rose above its own other nights. tests/support/nights.py measures the error with simulated trackers.
 """
 
 import math
@@ -23,42 +24,42 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.consistency import chi_square
 
 FALSE_ALARMS = 0.0015
-"""Error of one gate, under what is assumed. No more of simulated trackers jump, whose scenes
-scatter from 0.12 to 0.34."""
+"""Probability of a false jump in one gate, under the assumptions. The share of simulated trackers
+that jump is not larger; their scenes scatter from 0.12 to 0.34."""
 
 OF_SCENES = 0.75
-"""Share of it that is for scenes; the rest is for runs, of which dead ones are known otherwise."""
+"""Share of `FALSE_ALARMS` for scenes; the rest is for runs, as dead runs are found separately."""
 
 PRIOR = 10.0
-"""Degrees of freedom that the scatter of other scenes counts for."""
+"""Degrees of freedom of the scatter of other scenes in a moderated variance, at most."""
 
 MIN_SCATTER = 0.05
-"""Scatter of logarithms: runs without random numbers do not make any change a jump."""
+"""Smallest scatter of logarithms, so that a small change of a deterministic run is not a jump."""
 
 SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value: some cost nothing."""
+"""Share of the mean of a scene that is added to each value, as some values are 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rises:
-    """Distances of the runs of a scene above their limits, on a scale of even scatter.
+    """Rises of the runs of a scene above their limits, on a scale of even scatter.
 
     Parameters
     ----------
     rises : array, shape (m,)
-        Of each run.
+        Rise of each run.
     size : array, shape (m,)
-        Variance of each, where that of one value is 1.
+        Variance of each rise, in units of the variance of one value.
     of_mean : float
-        The same of their mean.
+        Variance of the mean of the rises, in the same units.
     outside : bool array, shape (m,)
-        Whether the run is above all of the baseline.
+        Whether the run is above all runs of the baseline.
     squares, freedom : float
-        Scatter of the baseline.
+        Sum of squares of the baseline and its degrees of freedom.
     min_scatter : float
-        Scatter that is assumed of a single value at least.
+        Smallest scatter that is assumed for a single value.
     ever : float
-        The largest rise of a run of the baseline above its other nights, over the root of its size.
+        Largest rise of a run of the baseline above its other nights, over the root of its size.
     """
 
     rises: Floats
@@ -72,9 +73,9 @@ class Rises:
 
     @classmethod
     def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Return the rises of costs over the limits of each night of each run of the baseline.
+        """Return the rises of costs above the limits of each night of each run of the baseline.
 
-        None where nothing has a cost.
+        None if all costs are 0.
         """
         everything = np.concatenate([now, *allowed])
         if not everything.any():
@@ -85,7 +86,7 @@ class Rises:
 
     @classmethod
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Return the rises of missed shares of a truth that has about this many states."""
+        """Return the rises of missed shares of a ground truth with about this many states."""
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
 
@@ -102,7 +103,7 @@ class Rises:
             means, size = np.full(len(now), means.mean()), np.full(len(now), 1 + 1 / len(means))
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
-        # The mean of the other nights is n / (n - 1) times as far as that of all.
+        # A night is n / (n - 1) times as far from the mean of the other nights as from the mean.
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -116,18 +117,18 @@ class Rises:
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of single values, of both sides, and its degrees of freedom."""
+        """Return the sum of squares of single values of both sides, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
     def without(self, place: int) -> "Rises":
-        """Return the same without one run, which must not hide in its own scatter."""
+        """Return the rises without one run, so that the run does not hide in its own scatter."""
         kept = np.arange(len(self.rises)) != place
         return replace(self, rises=self.rises[kept], size=self.size[kept])
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """Return p values of each scene and of each of its runs, adjusted for their number."""
+    """Return the p value of each scene and those of its runs, adjusted for their numbers."""
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # The median of a chi-square variable is below its mean.
@@ -164,7 +165,7 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """Return a one-sided p value, by Student's t with the moderated variance; 1 below the limit."""
+    """Return the one-sided p value of Student's t with moderated variance; 1 below the limit."""
     from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, median) = scatter, beside

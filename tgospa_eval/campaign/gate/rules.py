@@ -1,4 +1,4 @@
-"""Rules of a gate: limits for values with brackets, and what these prove."""
+"""Rules of a gate: limits for values with brackets, and the verdicts that brackets prove."""
 
 import math
 import re
@@ -18,23 +18,23 @@ PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
-"""Values of one optimal assignment; another one may split the same total in another way."""
+"""Values of one optimal assignment; another one may split the same total differently."""
 
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
-"""Values of the assigned pairs of one optimal assignment; classes have none."""
+"""Values of the assigned pairs of one optimal assignment, for all classes together only."""
 
 RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
-"""All that a rule can name, but for those of classes."""
+"""Values that a rule can name, without the values of classes and of the summary."""
 
 
 def is_beside(path: str) -> bool:
-    """Return whether a value is not of the cost, but of the assigned pairs: NEES or the summary."""
+    """Return whether a value describes assigned pairs (NEES or the summary), not the cost."""
     return path in OF_NEES or names_summary(path)
 
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""Ends of a path, the longer of two first: ``counts.missed`` before ``missed``."""
+"""Ends of a path, the longest first: ``counts.missed`` before ``missed``."""
 
 TOLERANCE = 1e-6
 """Tolerance of rules on the split: in counts, or in units of c^p."""
@@ -43,7 +43,7 @@ MIN_SLACK = 1e-9
 """Smallest slack of the default rule, in units of c^p."""
 
 NO_CHANGE = 1e-9
-"""Relative change that is no improvement."""
+"""Largest relative change that does not count as an improvement."""
 
 _RULE = r"(?P<path>.+):(?P<sign>[+-])\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
 _RANGE = r"(?P<path>.+):\s*(?P<least>[^:]*?)\s*\.\.\s*(?P<most>[^:]*)"
@@ -72,7 +72,7 @@ STATUS = {
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
     Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
-"""Exit status of each verdict; an error may bring its own."""
+"""Exit status of each verdict; an error may have its own exit status."""
 
 SEVERITY = (
     ExitStatus.REGRESSION,
@@ -83,8 +83,7 @@ SEVERITY = (
 )
 """Exit statuses, the worst first.
 
-A proven regression comes before everything: who tolerates 2 or 4 in a pipeline must not thereby let
-one pass.
+A proven regression comes first, because a pipeline that tolerates 2 or 4 must still fail for it.
 """
 
 
@@ -95,16 +94,16 @@ def worst(statuses: Iterable[int]) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Value(Interval):
-    """A number and what is known of it.
+    """A number with its bracket.
 
     Parameters
     ----------
     lower, upper : float
-        The bracket; of a value of the split both are the reported number.
+        The bracket; both are the reported number for a value of the split.
     proven : bool
         Whether the bracket is proven.
     unit : float
-        c^p for costs, 1 for counts: the scale of tolerances.
+        Scale of tolerances: c^p for costs, 1 for counts.
     """
 
     proven: bool
@@ -112,7 +111,7 @@ class Value(Interval):
 
     @classmethod
     def of(cls, number: float, unit: float = 1.0) -> "Value":
-        """Return a value of the reported assignment, not proven."""
+        """Return a value of the reported assignment, which is not proven."""
         return cls(lower=number, upper=number, proven=False, unit=unit)
 
     @property
@@ -128,21 +127,21 @@ class Rule:
     Parameters
     ----------
     text : str
-        As it was given.
+        The rule as a text.
     path : str
         Name of the value.
     slack : float
-        How much worse than the baseline is allowed; of `absolute` the limit itself.
+        Allowed distance from the baseline to the worse side; the limit itself if `absolute`.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
-        Least slack, in units of the value.
+        Smallest slack, in units of the value.
     absolute : bool
-        Whether the limit does not depend on the baseline.
+        Whether the limit is independent of the baseline.
     is_minimum : bool
-        Whether it is the least value that is allowed, not the largest.
+        Whether the limit is the smallest allowed value, instead of the largest.
     warns : bool
-        Whether breaking it is a warning only.
+        Whether a broken rule is only a warning.
     """
 
     text: str
@@ -155,7 +154,7 @@ class Rule:
     warns: bool = False
 
     def limit(self, base: float | None, unit: float) -> float:
-        """Return the last value that keeps the rule, given that of the baseline."""
+        """Return the last value that keeps the rule, given the value of the baseline."""
         if self.absolute:
             return self.slack
         if base is None:
@@ -168,31 +167,31 @@ class Rule:
 
 
 DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
-"""The rule that holds where none is given."""
+"""The rule that applies if no rule is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """Statement about the tracker from runs with other seeds, beside the proof for these files.
+    """Inference about the tracker from runs with several seeds, next to the proof for these files.
 
     Parameters
     ----------
     p_value : float
-        Of a tracker that is as good as the limit.
+        p value of the test that the tracker is worse than the limit.
     confidence : float
-        What is above 1 - p is supported.
+        Confidence; a p value of at most 1 - confidence supports the change.
     runs : int
-        How many there are now.
+        Number of runs that are judged.
     needed : int
-        With how many something is inferred.
+        Number of runs from which the test can support a change.
     paired : bool
         Whether the seeds are those of the baseline.
     noticeable : float
-        The relative change against the baseline that these runs would notice; may be infinite.
+        Relative change from the baseline that these runs would detect; may be infinite.
     better : float
-        P value of a tracker that is better than the baseline by the slack of the rule.
+        p value of the test that the tracker is better than the baseline by the slack of the rule.
     jump : str
-        The scene or run that is far outside the spread of its seeds; blank if there is none.
+        Sentence about the scene or run that is a jump; blank without a jump.
     """
 
     p_value: float
@@ -205,7 +204,7 @@ class Inference:
     jump: str = ""
 
     def supports(self, p_value: float) -> bool:
-        """Return whether this is below what the confidence leaves."""
+        """Return whether this p value is at most 1 - confidence."""
         return p_value <= 1 - self.confidence + 1e-12
 
 
@@ -224,13 +223,13 @@ class Finding:
     now : Value
         Value of this run.
     verdict : Verdict
-        Pass, fail or undecided.
+        Verdict of the rule.
     inference : Inference, optional
-        Of a group of runs with other seeds.
+        Inference from the runs of a group with several seeds.
     noisy : bool
-        Whether it is of one such run, which says nothing of an improvement.
+        Whether the pair is one run among several seeds; a single run shows no improvement.
     note : str
-        What is said of it in place of the usual.
+        Message that replaces the usual one.
     """
 
     rule: Rule
@@ -244,12 +243,12 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if the change is proven by brackets of values on the same truths."""
+        """True if the change is proven by brackets of values on the same ground truths."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """True if the rule only warns, and is not proven to hold."""
+        """True if the rule only warns, and is broken or undecided."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
@@ -269,7 +268,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
     Raises
     ------
     ConfigError
-        The rule needs a value that the baseline does not have.
+        The baseline does not have the value, or the limit is too large.
     """
     limit = rule.limit(base, now.unit)
     sign = -1 if rule.is_minimum else 1
@@ -286,7 +285,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """Parse the rule ``PATH:+N`` or ``PATH:+N%``.
 
-    ``PATH:-N`` is how much less than in the baseline NEES, or a number of the summary, may be.
+    In ``PATH:-N``, N is the allowed decrease of NEES, or of a number of the summary.
 
     Raises
     ------
@@ -339,12 +338,14 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Return all rules of texts, each of which may be a list; by default the usual one.
+    """Return the rules of texts with one or several rules; with `default` the default rule.
+
+    `default` applies if `fail_on` is empty.
 
     Raises
     ------
     ConfigError
-        One is wrong.
+        A text is wrong.
     """
     return [
         *([*_parsed(fail_on, "fail_on")] or [DEFAULT][:default]),
@@ -354,7 +355,7 @@ def parse_rules(
 
 
 def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
-    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` has a rule for each end."""
+    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` becomes a rule for each end."""
     for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
@@ -362,7 +363,7 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
             continue
         given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
         path = _path(ends["path"].strip(), name, text)
-        read = parsed if names_summary(path) else _not_negative  # an error may have a sign
+        read = parsed if names_summary(path) else _not_negative  # a mean error may be negative
         limits = {sign: read(number) for sign, number in given.items()}
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
@@ -379,9 +380,9 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
-    """Return the class, if any, and the value that a path may mean, likeliest first.
+    """Return the class, if any, and the value that a path may mean, the likeliest first.
 
-    The name of a class may have dots: the longer tail comes first, ``counts.missed`` before
+    The name of a class may have dots, so the longest tail comes first: ``counts.missed`` before
     ``missed``.
     """
     if not path.startswith(BY_CLASS):
@@ -393,7 +394,7 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
 def _each(texts: Iterable[str]) -> Iterator[str]:
     """Yield the rules of lists with commas.
 
-    Only a comma after the number ends a rule: the name of a class may have commas itself.
+    Only a comma after the number ends a rule, because the name of a class may have commas.
     """
     for text in texts:
         parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)
