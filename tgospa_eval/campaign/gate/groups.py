@@ -275,9 +275,10 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
                 id(one), f"{which}total is far above the usual spread of its seeds (a jump)"
             )
         elif runs:
-            notes[id(one)] = (
+            notes.setdefault(
+                id(one),
                 f"{listed(runs, SHOWN)}: total is far above the usual spread of the runs of "
-                f"{scene.name} (a jump)"
+                f"{scene.name} (a jump)",
             )
     return notes
 
