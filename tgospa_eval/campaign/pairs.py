@@ -268,7 +268,7 @@ def layout_of(truth: str, trackers: str) -> str | None:
 
 
 def _elsewhere(layout: str, shape: str, folder: str) -> str:
-    """Describe a folder that does not have this layout, and name near folders that have it."""
+    """Describe a folder that does not have this layout, and name nearby folders that have it."""
     if not os.path.isdir(folder):
         return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
     near = []
@@ -462,7 +462,9 @@ def runs_in_memory(
             )
         wrong = next((run for run, _ in own if run and run not in names), None)
         if wrong is not None:
-            raise InputError(f"{name}: {first} has no run {quoted(wrong)}; all have the same runs")
+            raise InputError(
+                f"{name}: {first} has no run {quoted(wrong)}; all must have the same runs"
+            )
         made.append([run for _, run in own])
     return names, made[0], dict(zip(estimates, made[1:], strict=True))
 

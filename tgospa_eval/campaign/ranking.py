@@ -583,7 +583,7 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
     ]
     left_out = sorted({name for metrics in each for name in metrics} - {*shared, *BESIDE})
     notices = [
-        Notice(text=f"not shown: {name}; only for a single run of which all results have it")
+        Notice(text=f"not shown: {name}; shown only for a single run, if all results have it")
         for name in left_out
     ]
     return [{name: metrics[name] for name in shared} for metrics in each[: len(runs[0])]], notices
@@ -635,7 +635,7 @@ def _ranking(
     column = LABEL + label
     if any(OWN_MARKS in json.loads(text).get("ignore", ()) for text in part["parameters"].unique()):
         yield (
-            f"{label} is not ranked: its estimates themselves mark states that are not judged "
+            f"{label} is not ranked: its estimates themselves mark states that are not evaluated "
             f"({option('ignore', OWN_MARKS)})"
         )
         return

@@ -50,7 +50,7 @@ RUN = (
 """Fields of a run; in a failed run all fields after the first five are None or empty."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
-"""Files of Linux with the memory of this process, and to reset the peak of this memory."""
+"""Files of Linux: one has the memory of this process, and the other resets the peak."""
 
 EXACT_STATES = 15_000
 """Number of states of one component for which the referee takes about a minute.
@@ -211,7 +211,7 @@ def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
 
 
 def referee(runs: Sequence[Json]) -> Interval | None:
-    """Return the intersection of the brackets of all runs; None if brackets do not overlap."""
+    """Return the intersection of the brackets of all runs; None if it is empty or unknown."""
     proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 

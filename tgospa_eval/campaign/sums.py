@@ -600,7 +600,7 @@ class _Runs:
         return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
-        """Return sums of costs (M, R) up to each step, divided by its number in the horizon."""
+        """Return sums of costs (M, R) up to each step, per step of the horizon up to it."""
         sums = np.empty_like(costs)
         for own in self.slices:
             np.cumsum(costs[:, own], axis=1, out=sums[:, own])

@@ -351,7 +351,7 @@ def _candidates(
     assigned: Assigned,
     limit: int,
 ) -> Iterator[Candidate]:
-    """Yield repairs that may save cost, about `limit` of each kind."""
+    """Yield repairs that may save cost; `limit` bounds drops, fills, and extensions at each end."""
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return

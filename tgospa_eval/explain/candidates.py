@@ -256,7 +256,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past adds timestamps before the others, so that step numbers stay.
+    # A shift to the past adds timestamps before the others, and rows keep their step numbers.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -499,7 +499,7 @@ BEHIND = 5
 
 SHIFTS = (1, 2, 3, 4, 5)
 SAMPLED_PAIRS = 4000
-"""Approximate largest number of assigned pairs that are used to estimate a shift."""
+"""Largest number of assigned pairs that are used to estimate the saving of a shift."""
 
 
 class StatePlaces:

@@ -169,7 +169,7 @@ def test_other_metrics_of_one_run(save: Save, invoke: Invoke) -> None:
         answer = invoke("compare", *results, "--format", "json")
         assert "with" not in json.loads(answer.out)["estimates"][0]
         assert (
-            answer.err == "not shown: gospa; only for a single run of which all results have it\n"
+            answer.err == "not shown: gospa; shown only for a single run, if all results have it\n"
         )
 
 
