@@ -178,8 +178,8 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable of the command line that prints messages. Without it, errors and stored messages
-        name keywords of Python instead of options.
+        Callable that prints each message, from the command line. Then messages and errors name
+        options (``--cutoff``), otherwise keywords (``cutoff``).
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors.
     known : dict, optional

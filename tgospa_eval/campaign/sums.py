@@ -420,8 +420,8 @@ def _curves(
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
         notes.append(
-            "the runs have no time in common: t is the time since the start of each run, and a run "
-            f"counts up to its last step; {option('over', 'stamps')} keeps the timestamps"
+            "at no time more than half of the runs have a step: t is the time since the start of "
+            f"each run, and a run counts up to its last step; {option('over', 'stamps')} keeps the timestamps"
         )
     elif runs.is_scattered:
         bands = f"; bands are only for up to {MAX_BANDED:,} times" if runs.many else ""

@@ -216,7 +216,8 @@ class Roles:
             text = f"no columns of covariances ({', '.join(labels[:3])}): its states are points"
             if any(map(SPREAD.fullmatch, unused)):
                 items = [f"{label}=HEADER" for label in labels[:3]]
-                text += f"; if others are such, map them with {ask(self.options.option, items)}"
+                proposal = ask(self.options.option, items)
+                text += f"; if other columns are covariances, map them with {proposal}"
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:

@@ -34,7 +34,7 @@ OPEN = 0.99
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *records.PARTS)
-"""Names of which every result has one number."""
+"""Names of the numbers that every result has."""
 
 DOCUMENTED = (
     *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
@@ -80,7 +80,7 @@ class Evaluation(ABC):
         Numbers of trajectories, steps, pairs of trajectories that are ever near, pairs of states
         that are near, and components.
     objects : pair of int
-        Numbers of states of the truth and of the estimate.
+        Numbers of object-steps of the truth and of estimate-steps of the estimate.
     version : str
         Version of the package.
     split : mapping of str to float, optional
@@ -107,7 +107,7 @@ class Evaluation(ABC):
     nees : NeesSums, optional
         Consistency of the covariances with the errors, if the estimate has covariances.
     calibration : Calibration, optional
-        Calibration of `similarity`, if every output shows the score (``--similarity``).
+        Calibration of `similarity`, if ``--similarity`` was given; outputs then show the score.
     settings_file : SettingsFile, optional
         Configuration file that set some options.
     tracked_shares : TrackedShares
@@ -391,8 +391,9 @@ class Evaluation(ABC):
     def _windows(self) -> records.Columns:
         """Return the sliding windows: no columns if they were not requested.
 
-        Of each window the metric by itself with its bounds and the parts of its cost, and
-        ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
+        A row has the metric of the window evaluated alone, its bounds, and the parts of its cost.
+        ``normalised`` is (cost / steps) ** (1 / order), where `steps` is the number of steps of the
+        horizon in the window.
         """
         windows = self.window_bounds
         if windows is None:
@@ -424,7 +425,7 @@ class Evaluation(ABC):
         return table
 
     def first_switches(self, count: int) -> tuple[records.Columns, int]:
-        """Return the first rows of the table of switches, at most `count`, and their number."""
+        """Return the first `count` rows of the table of switches, and the number of all rows."""
         table = self.table("switches")
         return {name: column[:count] for name, column in table.items()}, len(table["t"])
 
@@ -538,7 +539,9 @@ class Evaluation(ABC):
         if false_targets is not None:
             calibration = records.Calibration(false_targets=false_targets, score=score)
         if calibration is None:
-            raise ConfigError("similarity: give the number of false targets a step that scores 0.1")
+            raise ConfigError(
+                "similarity: give the number of false targets per step for which the score is 0.1"
+            )
         if "step_weights" in self.settings:
             raise ConfigError(
                 "similarity: the score needs steps that all count the same; leave the step "

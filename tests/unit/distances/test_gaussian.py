@@ -552,7 +552,12 @@ def test_spellings(kind: str, write: Write) -> None:
         ("P_1_1,P_2_1,P_2_2", None, [4, 1, 2], "covariances are read from P_1_1, P_2_1, P_2_2"),
         ("var_x,s,var_y", None, [4, 0, 2], "covariances are read from var_x, var_y"),
         ("sigma_x,s,sigma_y", None, [16, 0, 4], "standard deviations are read from sigma_x, sig"),
-        ("P11,P13,P33", None, None, "if others are such, map them with columns=('cov_xx=HEADER'"),
+        (
+            "P11,P13,P33",
+            None,
+            None,
+            "columns are covariances, map them with columns=('cov_xx=HEADER'",
+        ),
         ("P11,P12,P22", ("y", "x"), None, "no columns of covariances"),  # of which is P11?
         ("P11,P12,P22", ("x",), None, "no columns of covariances"),
         ("p_1,pos_a_b,variant", None, None, "(cov_xx, cov_xy, cov_yy): its states are points"),
