@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -133,7 +134,7 @@ def test_noise_passes_and_says_what_would_be_noticed(gate: Invoke) -> None:
     assert "warning" not in text + answer.err
     assert text.startswith("gate: pass (exit status 0): ")
     assert "groups in noise" in text
-    assert "they would show a change of about +" in " ".join(text.split())
+    assert re.search(r"a change of about \+[0-9.]+% would be detected", " ".join(text.split()))
     answer = gate("--strict")
     assert answer.status == 1
     assert "because of --strict, although within the noise of 15 runs" in " ".join(
@@ -236,12 +237,11 @@ def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
     runs(0, 1, seeds=[1, 2])
     arguments = ("gate", "--suite", "suite.toml", "-q")
     said = invoke(*arguments, "--update-baseline").out
-    assert "group dense, fast, slow: 2 runs: their seeds can never support" in said
+    assert "group dense, fast, slow: with 2 runs the test can never show" in said
     runs(0.2, 2, seeds=[1, 2])
     out = " ".join(invoke(*arguments).out.split())
     assert (
-        "within noise: 2 runs with the same seeds are too few to show anything but a jump; 7 are"
-        in out
+        "within noise: 2 runs with the same seeds are too few for the test; it needs 7 runs" in out
     )
     assert "group all of {scene}: the tracker is worse than allowed" in out
 

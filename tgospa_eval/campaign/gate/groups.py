@@ -1,16 +1,16 @@
-"""Groups of a gate: runs with other seeds, added up and judged together.
+"""Groups of a gate: runs with different seeds, added up and judged together.
 
-A group fails if its value is above the limit, and the scatter of its runs supports that the tracker
-is worse than the limit allows. The groups of a table are judged together as well, as one more
-group: what is a little worse everywhere is seen there. `confidence` is that of the whole test: a
-tracker that is as good as the limit fails in no more than 1 - confidence of its gates, however many
-groups and rules there are. For that p values are adjusted (Holm 1979, with weights): each rule of a
-table has the same share of the error, `OF_ALL` of it for all groups together, and single groups
-share the rest equally: what a single one does beyond its noise is a jump.
+A group whose value is above its limit fails in two cases. Either the scatter of its runs supports
+that the tracker is worse than the limit allows, or the total of one of its scenes or runs jumps: it
+is far above the usual spread of its seeds (`jumps`). A dead run fails its group even if the value
+is within the limit: the run misses more than half of the states beyond the most that a run of its
+scene ever missed.
 
-It fails as well if one of its scenes or runs is far outside the spread of its seeds (`jumps`), or
-if a run is dead: it misses more than halfway from the most that a run of its scene ever missed to
-all.
+The groups of a table are also judged together as one more group, which shows a small change of all
+groups. `confidence` is that of the whole test: a tracker that is as good as the limit fails in at
+most 1 - confidence of its gates, for any number of groups and rules. P values are adjusted for this
+(Holm 1979, with weights). Each rule of a table has the same share of the error. Of this share
+`OF_ALL` is for all groups together, and single groups share the rest equally.
 """
 
 import math
@@ -46,41 +46,41 @@ from tgospa_eval.results.summary import names_summary
 from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
-"""Runs below which nothing is inferred."""
+"""Smallest number of runs for a test."""
 
 OF_ALL = 0.8
-"""Share of the error of a rule that is for all groups together."""
+"""Share of the error of a rule for the test of all groups together."""
 
 SHOWN = 5
-"""Names of runs in a sentence."""
+"""Largest number of names of runs in a sentence."""
 
 MIN_STATES = 10
-"""States of a truth from which a run that misses many, not all, can be dead."""
+"""With fewer ground-truth states, only a run that reports no state can be dead."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
 Labels = Mapping[str, str]
 
 Part = tuple[str | None, str]
-"""A class, or None for all of them, and the path of a value."""
+"""A class, or None for all classes, and the path of a value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneRuns:
-    """Runs that differ in their seed alone, those of now and those of the baseline.
+    """Runs of one scene, which differ only in their seed: new ones, and those of the baseline.
 
     Parameters
     ----------
     name : str
-        Its labels.
+        Labels of the scene.
     names : sequence of str
-        Of the runs of now.
+        Names of the new runs.
     now : sequence of Measured
-        In the order of their names.
+        Values of the new runs, in the order of `names`.
     old : sequence of dict
-        Entries of the baseline, in the same order.
+        Entries of the baseline; in the same order if `paired`.
     paired : bool
-        Whether the names are the same.
+        Whether both sides have runs of the same names.
     """
 
     name: str
@@ -90,7 +90,7 @@ class SceneRuns:
     paired: bool
 
     def missed(self) -> Rises:
-        """Return how far its runs are above the misses of the baseline."""
+        """Return how far the missed shares of its runs are above those of the baseline."""
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
@@ -101,9 +101,10 @@ class SceneRuns:
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
     def dead(self, p_values: Floats) -> list[rules.Finding]:
-        """Return a finding for each run that misses as much as no run of the scene ever did.
+        """Return a finding for each dead run, given p values that its missed share is a jump.
 
-        That is more than halfway from the most to all; or a quarter of it, if that is a jump.
+        A dead run misses more than half of the states beyond the most that a run of the scene ever
+        missed; if its missed share is a jump, more than a quarter of them.
         """
         findings = []
         ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
@@ -130,13 +131,13 @@ class Group:
     Parameters
     ----------
     name : str
-        The pattern with its labels.
+        The pattern with the labels filled in.
     scenes : tuple of SceneRuns
-        Of those that can be compared.
+        Scenes with runs on both sides.
     faults : tuple of str
-        Why others cannot.
+        Reasons why the group cannot be compared.
     notes : tuple of str
-        What is left out.
+        Notes on runs that are left out.
     """
 
     name: str
@@ -146,7 +147,7 @@ class Group:
 
     @property
     def runs(self) -> int:
-        """Number of runs of now."""
+        """Number of new runs."""
         return sum(len(scene.now) for scene in self.scenes)
 
 
@@ -166,13 +167,13 @@ def judge_groups(
     tables : iterable of GroupTable
         Groups and rules.
     now, old : mapping
-        What is judged and the baseline, by name of the pair.
+        New results and entries of the baseline, by name of the pair.
     failed : iterable of str
         Pairs that could not be evaluated: their groups cannot be judged.
     labels : mapping of str to mapping
-        Of the pairs of both, by name.
+        Labels of the pairs of both sides, by name.
     strict : bool
-        Whether a group above its limit fails whatever its seeds support.
+        Whether a group above its limit fails even if its seeds may be the reason.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -249,9 +250,9 @@ def judge_groups(
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Describe the run or scene that is far outside the scatter of its seeds, by the id of its sum.
+    """Describe the runs or the scene that jump, by the id of their sum.
 
-    Of totals alone: counts of few switches have no scale.
+    Only totals can jump: small counts, as of switches, do not scatter like totals.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
@@ -264,18 +265,22 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
             which = f"{scene.name}: " if len(one.group.scenes) > 1 else ""
-            notes.setdefault(id(one), f"{which}far outside the spread of its seeds")
+            notes.setdefault(
+                id(one), f"{which}total is far above the usual spread of its seeds (a jump)"
+            )
         elif runs:
             notes[id(one)] = (
-                f"{listed(runs, SHOWN)}: far outside the spread of the runs of {scene.name}"
+                f"{listed(runs, SHOWN)}: total is far above the usual spread of the runs of "
+                f"{scene.name} (a jump)"
             )
     return notes
 
 
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
-    """Return notes about groups that can never fail through the test of their seeds.
+    """Return notes about groups that have too few runs to fail by the test of their seeds.
 
-    `labels` are those of the pairs, and `nights` how many the baseline has of each at least.
+    `labels` are the labels of the pairs by name. `nights` is the smallest number of nights of a
+    pair in the baseline.
     """
     notes = []
     columns = sum(len(table.rules) for table in tables)
@@ -293,15 +298,15 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
         few = sorted((name for name in runs if runs[name] < needed), key=natural)
         if few and len(scenes) < sum(runs.values()):
             notes.append(
-                f"group {listed(few, SHOWN)}: {min(runs[name] for name in few)} runs: their seeds "
-                f"can never support that one group alone is worse: {needed} are needed, {more}; "
-                "dead runs and jumps fail all the same"
+                f"group {listed(few, SHOWN)}: with {min(runs[name] for name in few)} runs the test "
+                f"can never show that this group alone is worse: {needed} runs are needed, {more}. "
+                "Jumps (totals far above the usual spread of seeds) and dead runs still fail"
             )
     return notes
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """Return all groups of a table as one, if there are several that can be judged."""
+    """Return all groups of a table as one, if there are several and all can be judged."""
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -315,7 +320,7 @@ def _groups(
     labels: Mapping[str, Labels],
     failed: Sequence[str],
 ) -> list[Group]:
-    """Return groups by name, of the pairs that have the labels of the pattern."""
+    """Return the groups of the pairs that have the labels of the pattern, in order of names."""
     runs_by_group: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
     for side, names in enumerate((now, old)):
         for name in sorted(names, key=natural):
@@ -344,7 +349,7 @@ def _group(
     old: Baseline,
     lost: Iterable[str],
 ) -> Group:
-    """Return one group, of names of runs of now and of the baseline."""
+    """Return one group, from the names of new runs and of runs of the baseline by scene."""
     scenes, notes = [], []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
@@ -391,18 +396,18 @@ def _group(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stratum:
-    """Runs of one scene.
+    """Values of the runs of one scene that may be exchanged.
 
     Parameters
     ----------
     allowed : array, shape (n,)
-        Of each run of the baseline the largest value that keeps the limit.
+        For each run of the baseline, the largest value that keeps the limit.
     now : array, shape (m,)
-        Values of this run; paired with `allowed` if there are as many and `paired`.
+        Values of the new runs.
     paired : bool
-        Whether the runs have the same seeds, in this order.
+        Whether both sides have the same seeds in the same order.
     weight : float
-        How much it counts in a sum with others.
+        Weight in a sum with other strata.
     """
 
     allowed: Floats
@@ -416,14 +421,14 @@ class Stratum:
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """Return the same in shares of the weighted mean of all runs."""
+        """Return the stratum with values as shares of the weighted mean of all runs."""
         factor = self.weight / (abs(float(self.all.mean())) or 1.0)
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of shares of single values, and its degrees of freedom.
+        """Return the sum of squares of the relative values, and its degrees of freedom.
 
-        No exchange changes them, as the hypothesis has the same mean on both sides.
+        Exchanges do not change either: under the hypothesis both sides have the same mean.
         """
         one = replace(self, weight=1.0).relative()
         if self.paired:
@@ -448,20 +453,20 @@ class Stratum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Summed:
-    """A value of a group: what the sums over its runs say, and what each run is allowed.
+    """A value of a group: the finding for its sum over all runs, and the limit of each run.
 
     Parameters
     ----------
     finding : Finding
-        By the sums, as for a pair.
+        Finding for the sum, as for a pair.
     group : Group
-        The runs.
+        The group with its runs.
     part : pair of str
-        The class, if it is of one, and the value of a run of which this is the sum, or its root.
+        Class, or None, and the path of the value that is summed over the runs.
     base, limit : float
-        The sum of the baseline, brought to as many runs as there are now; and the largest allowed.
+        Sum of the baseline, scaled to the number of new runs, and the largest allowed sum.
     of_sum : callable
-        The value of a sum.
+        Callable that receives a sum and returns the value of the rule, such as its root.
     """
 
     finding: rules.Finding
@@ -473,14 +478,14 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if a test is made: there are seeds, and the rule is about a change."""
+        """True if a test is made: a scene has several runs, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
-        """Return the values of now, and the limits for each night of each old run, by scene."""
+        """Return for each scene the new values, and the limits from each night of each old run."""
         if self.finding.rule.relative and self.base > 0:
             factor, more = self.limit / self.base, 0.0
         else:
@@ -497,7 +502,7 @@ class Summed:
         ]
 
     def strata(self) -> list[Stratum]:
-        """Return the limit of each run, and its value."""
+        """Return the weighted strata for the test that the tracker is worse."""
         return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
 
     def inferred(
@@ -509,10 +514,11 @@ class Summed:
         *,
         strict: bool,
     ) -> rules.Finding:
-        """Infer whether the tracker changed, from runs with other seeds.
+        """Infer whether the tracker changed, from runs with different seeds.
 
-        `share` is that of the error which is for this test, after Holm's method; `p_values` that it
-        is worse, and better, adjusted for all tests; `strict` as of `judge_groups`.
+        `share` is the share of the error for this test, after Holm's method. `p_values` are those
+        that the tracker is worse, and better, adjusted for all tests. `strict` is that of
+        `judge_groups`.
         """
         runs, level = self.group.runs, 1 - (1 - confidence) * share
         worse, better = p_values
@@ -536,12 +542,12 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # A change of all runs would be noticed, so this one is in few runs.
+                # Such a change of all runs would be detected, so only few runs changed.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
     def better(self) -> list[Stratum]:
-        """Test whether the baseline, less the slack of the rule, is above the values of now."""
+        """Return the strata for the test that the tracker is better, by more than the slack."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
         scenes = []
         for scene in self.group.scenes:
@@ -552,7 +558,7 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
-    """Return the runs of one scene, or a stratum for each run that has several nights."""
+    """Return one stratum for a scene, or one for each of its runs with several nights."""
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)
@@ -563,7 +569,7 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
 
 
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
-    """Return strata of all scenes, weighted by the inverse of the variance of their shares."""
+    """Return the strata of all scenes, weighted by the inverse variance of relative values."""
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
     median = float(np.median(squares / freedom)) if len(scenes) else 0.0
@@ -580,19 +586,19 @@ def _missed(night: Json) -> float:
 
 
 def _now(one: Measured, part: Part) -> rules.Value:
-    """Return a value of a run; a class that it does not have costs nothing."""
+    """Return a value of a new run; a class that the run does not have costs nothing."""
     name, path = part
     values = one.values if name is None else one.classes.get(name)
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
 
 
 def _old(entry: Json, part: Part) -> Floats:
-    """Return values of a run of the baseline, of all its nights."""
+    """Return the values of a run of the baseline, one for each night."""
     return np.array([number_in(night, *part) for night in nights_of(entry)])
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
-    """Sum a value over all runs; None if no run has it, or they cannot be compared."""
+    """Sum a value over all runs; None if it is missing, or the group cannot be compared."""
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
     for scene in group.scenes:
@@ -646,7 +652,7 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
 
 
 def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
-    """Sum the baseline, each scene weighted to as many runs as there are now."""
+    """Sum the baseline, each scene scaled to its number of new runs."""
     return math.fsum(
         math.fsum(map(number, scene.old)) * (len(scene.now) / len(scene.old))
         for scene in group.scenes
@@ -654,28 +660,28 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# Tests by runs with other seeds that a sum has grown beyond a limit.
+# Tests with runs of different seeds: has a sum grown beyond its limit?
 #
-# Runs are stratified: a stratum is one scene, and its runs differ in their seed alone. Under the
-# hypothesis that the tracker is just as the limit allows, old and new values of a seed can be
-# exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). Where the seeds
-# are others than before, all runs of a stratum can be exchanged (Pitman 1937). The statistic is the
-# sum over all strata of what is above the limit, as a share of the mean of the stratum: noise grows
-# with the cost of a scene, and the costliest scene must not hide the others. Scenes are weighted by
-# the inverse of the variance of these shares, moderated as for jumps. No exchange changes means or
-# weights.
+# Runs are stratified: a stratum is one scene, and its runs differ only in their seed. The
+# hypothesis is that the tracker is exactly as good as the limit. Then old and new values of a seed
+# can be exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). If the
+# baseline has different seeds, all runs of a stratum can be exchanged (Pitman 1937). The statistic
+# is the excess above the limit, as a share of the mean of the stratum, summed over all strata.
+# Shares are used because noise grows with the cost of a scene: the costliest scene must not hide
+# the other scenes. Scenes are weighted by the inverse of the variance of these shares, moderated as
+# for jumps. Exchanges change neither means nor weights.
 
 POWER = 0.8
-"""Probability with which the noticeable change is noticed."""
+"""Probability with which the noticeable change is detected."""
 
 
 def p_value(strata: Sequence[Stratum]) -> float:
-    """Return one-sided p value that the sum is above its limit; exact where it can be.
+    """Return the one-sided p value that the sum is above its limit; exact for few exchanges.
 
     Parameters
     ----------
     strata : sequence of Stratum
-        At least one; all together.
+        All strata of the sum, at least one.
     """
     strata = [one.relative() for one in strata]
     both = [(one.now - one.allowed, 0) if one.paired else (one.all, len(one.now)) for one in strata]
@@ -685,7 +691,7 @@ def p_value(strata: Sequence[Stratum]) -> float:
 
 
 def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
-    """Return the number of runs below which no test can support anything: too few exchanges."""
+    """Return the smallest number of runs with enough exchanges for a test at this confidence."""
     wanted = 1 / (1 - confidence) - 1e-9
     runs = 1
     while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < wanted:
@@ -694,10 +700,11 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Return the share by which all runs have to be above the limit to be noticed, about.
+    """Return the approximate share by which all runs must exceed the limit to be detected.
 
-    With probability `POWER`, by Student's t with the scatter of these runs; where they are just as
-    many as needed, each of them has to be above. Infinite for fewer, or without scatter.
+    This is with probability `POWER`, by Student's t with the scatter of these runs. If there are
+    exactly `needed` runs, each of them must exceed the limit. The share is infinite for fewer runs,
+    or without degrees of freedom.
     """
     strata = [one.relative() for one in strata]
     freedom = sum(one.freedom for one in strata if one.freedom > 0)

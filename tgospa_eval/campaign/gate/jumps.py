@@ -1,13 +1,14 @@
-"""Scenes and runs that are far outside what their seeds do, however few the seeds are.
+"""Jumps: scenes and runs far above the usual spread of their seeds, even with few seeds.
 
-The test of exchanges assumes nothing, and so supports little with few runs: the least p value of
-six is 1/64. A jump is known by the size of it. What is assumed: logarithms of costs, and arcsines
-of the roots of shares that are missed, scatter alike from night to night in all runs of a scene,
-about as a normal distribution does, and not much otherwise than in other scenes. The variance of a
-scene is that of its own runs, moderated by the others' (Smyth 2004): their median counts as much as
-`PRIOR` values. t quantiles of both freedoms make up for tails and for scenes that scatter more than
-others; and a run is no further outside than any run of the baseline was from its own other nights,
-if there are such. tests/support/nights.py measures it with simulated trackers.
+The exchange test assumes nothing, and so supports little with few runs: the smallest p value of
+six runs is 1/64. A jump is recognised by its size, under an assumption. Costs are compared as
+logarithms, and missed shares as arcsines of their roots. These are assumed to scatter from night to
+night about like a normal distribution, alike in all runs of a scene and similarly in other scenes.
+The variance of a scene is that of its own runs, moderated by other scenes (Smyth 2004): their
+median variance counts as much as `PRIOR` values. The t quantile for the sum of both degrees of
+freedom allows for heavier tails, and for scenes that scatter more than others. If the baseline has
+several nights, a run can jump only if it is further off than any run of the baseline was from its
+own other nights. tests/support/nights.py measures the error with simulated trackers.
 """
 
 import math
@@ -23,42 +24,43 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.consistency import chi_square
 
 FALSE_ALARMS = 0.0015
-"""Error of one gate, under what is assumed. No more of simulated trackers jump, whose scenes
-scatter from 0.12 to 0.34."""
+"""Share of gates with a false jump, under the assumption. Simulated trackers whose scenes scatter
+from 0.12 to 0.34 do not jump more often."""
 
 OF_SCENES = 0.75
-"""Share of it that is for scenes; the rest is for runs, of which dead ones are known otherwise."""
+"""Share of `FALSE_ALARMS` for scenes. The rest is for runs: dead ones are found in another way."""
 
 PRIOR = 10.0
-"""Degrees of freedom that the scatter of other scenes counts for."""
+"""Degrees of freedom of the scatter of other scenes, at most."""
 
 MIN_SCATTER = 0.05
-"""Scatter of logarithms: runs without random numbers do not make any change a jump."""
+"""Smallest scatter of logarithms, so that not every change of repeatable runs is a jump."""
 
 SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value: some cost nothing."""
+"""Share of the mean of a scene that is added to each value, since a value may be zero."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rises:
-    """Distances of the runs of a scene above their limits, on a scale of even scatter.
+    """Rises of the runs of a scene above their limits, on a scale on which all scatter alike.
 
     Parameters
     ----------
     rises : array, shape (m,)
-        Of each run.
+        Rise of each run.
     size : array, shape (m,)
-        Variance of each, where that of one value is 1.
+        Variance of each rise, in units of the variance of one value.
     of_mean : float
-        The same of their mean.
+        Variance of the mean of the rises, in the same unit.
     outside : bool array, shape (m,)
-        Whether the run is above all of the baseline.
+        Whether the run is above all runs of the baseline.
     squares, freedom : float
-        Scatter of the baseline.
+        Sum of squares of the baseline, and its degrees of freedom.
     min_scatter : float
-        Scatter that is assumed of a single value at least.
+        Smallest scatter that is assumed for a single value.
     ever : float
-        The largest rise of a run of the baseline above its other nights, over the root of its size.
+        The largest rise of a run of the baseline above its other nights, divided by the root of its
+        size.
     """
 
     rises: Floats
@@ -72,9 +74,9 @@ class Rises:
 
     @classmethod
     def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Return the rises of costs over the limits of each night of each run of the baseline.
+        """Return the rises of costs above the limits from each night of each run of the baseline.
 
-        None where nothing has a cost.
+        The result is None if all costs are zero.
         """
         everything = np.concatenate([now, *allowed])
         if not everything.any():
@@ -85,7 +87,7 @@ class Rises:
 
     @classmethod
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Return the rises of missed shares of a truth that has about this many states."""
+        """Return the rises of missed shares; `states` is the mean number of ground-truth states."""
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
 
@@ -102,7 +104,7 @@ class Rises:
             means, size = np.full(len(now), means.mean()), np.full(len(now), 1 + 1 / len(means))
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
-        # The mean of the other nights is n / (n - 1) times as far as that of all.
+        # A night is n / (n - 1) times as far from the mean of the other nights as from that of all.
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -116,18 +118,18 @@ class Rises:
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of single values, of both sides, and its degrees of freedom."""
+        """Return the sum of squares of the values of both sides, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
     def without(self, place: int) -> "Rises":
-        """Return the same without one run, which must not hide in its own scatter."""
+        """Return the rises without one run, so that the run does not hide in its own scatter."""
         kept = np.arange(len(self.rises)) != place
         return replace(self, rises=self.rises[kept], size=self.size[kept])
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """Return p values of each scene and of each of its runs, adjusted for their number."""
+    """Return the p values of each scene and of each of its runs, adjusted for their numbers."""
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # The median of a chi-square variable is below its mean.
@@ -164,7 +166,7 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """Return a one-sided p value, by Student's t with the moderated variance; 1 below the limit."""
+    """Return the one-sided p value by Student's t with the moderated variance; 1 without a rise."""
     from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, median) = scatter, beside

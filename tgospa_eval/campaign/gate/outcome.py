@@ -47,41 +47,41 @@ WORST_FIRST = tuple(
     getattr(Verdict, name) for name in ("FAIL", "INCOMPARABLE", "UNDECIDED", "NOISE", "PASS")
 )
 OPEN = 1e-6
-"""Relative gap of a total from which on a baseline is called open."""
+"""Relative gap of the total above which a note says that the baseline is not exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairOutcome:
-    """One pair.
+    """Outcome of one pair or one group.
 
     Parameters
     ----------
     name, truth, estimate : str
-        The pair and its files.
+        Name of the pair, and its files.
     verdict : Verdict
-        The worst of its findings, or why there are none.
+        Worst verdict of the findings, or the reason why there are no findings.
     status : int
         Exit status.
     findings : tuple of Finding
         One for each rule.
     changes : mapping of str to pair of float
-        Of an update: values before and after by path; None where there is none.
+        For an update: values before and after, by path; None for a missing value.
     notes : tuple of str
-        What the user should know: reasons, remedies.
+        Reasons and remedies for the user.
     seconds : float
         Time of reading and solving.
     warnings : tuple of Notice
-        What looks wrong with the data.
+        Warnings about the data.
     group : bool
-        Whether it is one of several pairs, added up.
+        Whether the outcome is that of a group: several pairs, added up.
     values : mapping of str to Value
-        What rules can name, where it was evaluated.
+        Values that rules can name; empty if the pair was not evaluated.
     labels : mapping of str to str
-        Of the pair.
+        Labels of the pair.
     base : float, optional
-        The total of the baseline, of the same truth.
+        Total of the pair in the baseline.
     page : str
-        Its page, if one is made.
+        Content of the page of the pair; blank without one.
     """
 
     name: str
@@ -109,7 +109,7 @@ class PairOutcome:
 
     @property
     def page_name(self) -> str:
-        """Path of its page in the folder of a gate; blank without one."""
+        """Path of the page of this pair in the folder of a gate; blank without one."""
         from tgospa_eval.show.files import folder_name  # lazy: for folders only
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
@@ -122,26 +122,26 @@ class PairOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """All pairs.
+    """Outcomes of all pairs and groups.
 
     Parameters
     ----------
     baseline : str
-        Path.
+        Path of the baseline.
     outcomes : tuple of PairOutcome
-        In the order of the suite.
+        Outcomes of the groups, then of the pairs in the order of the suite.
     version : str
-        Of the program.
+        Version of the program.
     again : tuple of str
-        Command that accepts what failed, word for word.
+        Words of the command that accepts the failures.
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
-        The target branch by which was judged; blank without one.
+        The target branch whose suite and baseline were used; blank without one.
     tally : mapping of str to int
-        Of an update, how many entries were updated, stayed, were removed.
+        For an update: numbers of entries that were updated, are unchanged, were removed.
     notices : tuple of str
-        What is said of the baseline as a whole.
+        Notes on the baseline as a whole.
     """
 
     baseline: str
@@ -154,12 +154,12 @@ class Report:
     notices: tuple[str, ...] = ()
 
     def messages(self, *warnings: Notice) -> list[str]:
-        """Return the messages beside the verdicts: where settings come from, and these warnings."""
+        """Return messages without a verdict: source of the settings, these warnings, notices."""
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
     def status(self) -> int:
-        """Exit status."""
+        """Exit status of the gate."""
         return worst(outcome.status for outcome in self.outcomes)
 
     @property
@@ -172,13 +172,13 @@ class Report:
 
     @property
     def advice(self) -> str:
-        """Command that accepts what failed, or may be tightened; blank of nothing."""
+        """Command that accepts failures or tightens the baseline; blank if neither applies."""
         import shlex  # lazy: most gates pass
 
         return shlex.join(self.again)
 
     def count(self, verdict: Verdict) -> int:
-        """Count the pairs of a verdict."""
+        """Count the outcomes with this verdict."""
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
@@ -193,8 +193,9 @@ def evaluated_outcome(
 ) -> PairOutcome:
     """Return verdict, findings and notes of a result against its entry of the baseline.
 
-    Without an entry all rules are absolute limits. `noisy`: the pair is one of several runs with
-    other seeds, of which one alone says nothing of an improvement. `about` has further fields.
+    Without an entry all rules are absolute limits. `noisy` means that the pair is one of several
+    runs with different seeds: a single one does not show an improvement. `about` has further
+    fields.
     """
     reasons = differences(entry, now) if entry else []
     if reasons:
@@ -221,9 +222,10 @@ def combined_outcome(
     more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Return verdict, findings and notes of a group; faults are why it cannot be compared.
+    """Return verdict, findings and notes of a group.
 
-    `dead` has a finding for each run that is dead.
+    `faults` are the reasons why the group cannot be compared. `dead` has a finding for each dead
+    run.
     """
     pair, faults = Job(name=name), list(faults)
     if faults:
@@ -236,7 +238,10 @@ def combined_outcome(
     return PairOutcome.of(pair, _worst(every), *notes, findings=tuple(every), group=True)
 
 
-TIGHTER = "baseline can be tightened: {} improved by more than the slack"
+TIGHTER = (
+    "baseline can be tightened: {} is better than the baseline by more than its rule allows it to "
+    "be worse"
+)
 
 
 def _worst(findings: Iterable[Finding]) -> Verdict:
@@ -245,7 +250,7 @@ def _worst(findings: Iterable[Finding]) -> Verdict:
 
 
 def _unknown(rule: Rule) -> Finding:
-    """Return the finding for a value that neither side has."""
+    """Return the finding for a value that is not known."""
     now = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
     return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.INCOMPARABLE)
 
@@ -260,7 +265,7 @@ def updated_outcome(
 
 
 def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
-    """Judge by a rule; a class that is on one side only costs 0 on the other."""
+    """Judge by a rule; a class that only one side has costs 0 on the other side."""
     if is_beside(rule.path):
         value, base = now.values.get(rule.path), value_at(old, rule.path)
         if value is None or (base is None and not rule.absolute):
@@ -278,7 +283,7 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return values that differ between two entries, without bounds: `tgospa` is the upper one."""
+    """Return the values that differ between two entries; bounds are left out."""
     values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
@@ -340,7 +345,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
 
 
 def _absent(finding: Finding) -> str:
-    """Say why there is nothing to judge."""
+    """Return the reason why there is no value to judge."""
     path = finding.rule.path
     if names_summary(path):
         return (
@@ -351,7 +356,8 @@ def _absent(finding: Finding) -> str:
         return f"the result has no {path}"
     if not math.isnan(finding.now.upper):
         return (
-            f"the baseline has no NEES; make it anew with {option('update_baseline')} and this rule"
+            f"the baseline has no NEES; make it again with {option('update_baseline')} and this "
+            "rule"
         )
     return (
         "the result has no NEES: no assigned state has a covariance that can be inverted, or it "
@@ -360,7 +366,7 @@ def _absent(finding: Finding) -> str:
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
-    """Yield what is proven of these files, and what is inferred of the tracker."""
+    """Yield the change of these files, and what the test infers about the tracker."""
     rule, base = finding.rule, finding.base or 0.0
     now, limit, before = texts(finding.now.lower, finding.limit, base)
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
@@ -372,7 +378,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     p = f"p = {inference.p_value:.2g}"
     supported = inference.supports(inference.p_value)
     if inference.jump:
-        yield f"{warning}unlikely to be noise of seeds: {inference.jump}"
+        yield f"{warning}seeds are an unlikely reason: {inference.jump}"
     if supported:
         yield f"the tracker is worse than allowed, inferred from {runs}, {p}"
     if supported or inference.jump:
@@ -380,20 +386,21 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     mark = f"because of {option('strict')}, although " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
         yield (
-            f"{mark}within noise: {runs} are too few to show anything but a jump; "
-            f"{inference.needed} are needed, or fewer groups and rules"
+            f"{mark}within noise: {runs} are too few for the test; it needs {inference.needed} "
+            "runs, or fewer groups and rules. Only a jump (a total far above the usual spread of "
+            "its seeds) or a dead run could fail"
         )
     elif math.isinf(inference.noticeable):
         yield f"{mark}within noise: few of {runs} are worse, {p}"
     else:
         yield (
-            f"{mark}within the noise of {runs}, {p}; they would show a change of about "
-            f"{inference.noticeable:+.1%}"
+            f"{mark}within the noise of {runs}, {p}; a change of about "
+            f"{inference.noticeable:+.1%} would be detected"
         )
 
 
 def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
-    """Yield where the cost went, as far as the split shows."""
+    """Yield a note on the parts of the cost that changed; parts are not proven."""
     moved = [
         f"{path} {number(old[path], 7)} -> {number(values[path].upper, 7)}"
         for path in PARTS
@@ -410,7 +417,7 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """Return an outcome; a group that fails has its parts, and its worst scenes and runs."""
+    """Return the outcome; a failed group gets notes on its parts, its worst scenes and runs."""
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
     for name in results if one.group and one.verdict is Verdict.FAIL else ():
@@ -447,7 +454,7 @@ def of_its_runs(
 
 
 MAX_WORST = 3
-"""Scenes and runs of a group that are named."""
+"""Number of scenes, and of runs, that the notes of a failed group name."""
 
 
 def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
@@ -455,9 +462,9 @@ def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, 
 
 
 def texts(*numbers: float) -> list[str]:
-    """Format numbers with enough digits that those which differ look different.
+    """Format numbers with enough digits that different numbers look different.
 
-    The last places are those of outward rounding.
+    Numbers that agree to 12 digits count as equal: the difference is outward rounding.
     """
     differ = len({f"{value:.12g}" for value in numbers})
     for digits in (7, 10):
@@ -470,7 +477,7 @@ def texts(*numbers: float) -> list[str]:
 def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
-    """Return outcomes of pairs of the baseline that are not among these names."""
+    """Return outcomes of the pairs of the baseline that are not among `names`."""
     gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
@@ -498,11 +505,11 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
 
 
 # -------------------------------------------------------------------------------------------------
-# The options that accept what a gate found, for the command that it proposes.
+# Options of the proposed command, which accepts the result of a gate.
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
-    """Return arguments without an option that has a value."""
+    """Return the arguments without this option and its value."""
     kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)
@@ -516,7 +523,7 @@ def accepting_options(
     pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
-    """Return the options that accept what failed or may be tightened, and nothing else."""
+    """Return the options that accept only failed pairs, or only pairs that can be tightened."""
     there = {pair.name: pair for pair in pairs}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}
