@@ -11,13 +11,13 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import browser
 import pytest
 from answer import Answer
 from browser import PATIENCE, Browser
 from checkout import SAMPLES
-from cluster import Running, cluster
 from hypothesis import HealthCheck, settings
 from proven import proven as proven  # a fixture of all tests
 from standing_pool import StandingPool
@@ -35,13 +35,13 @@ os.environ["TERM"] = "xterm-256color"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# The same examples in every run, however busy the machine; new ones by `make fuzz`.
+# The same examples in every run, however busy the machine; new and more ones by `make fuzz`.
 settings.register_profile(
     "steady",
     derandomize=True,
     database=None,
     deadline=None,
-    max_examples=20,
+    max_examples=10,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(
@@ -61,6 +61,9 @@ QUICKSTART = SAMPLES / "quickstart"
 NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
 """They take longer than what most tests are about; tests/unit/show draws them."""
 
+
+FEW_DOTS = 30
+"""Of a picture, per inch."""
 
 NEW_OBJECTS = 50_000
 """New objects from which on cycles are looked for, as in the command: Python's 700 cost a sixth."""
@@ -105,11 +108,18 @@ def workers_that_stay(
         monkeypatch.setattr(Processes, "open", lambda self, most: standing_pool.open(self, most))
 
 
-@pytest.fixture(scope="session")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A Dask cluster of two workers, for all tests of a process."""
-    with cluster(tmp_path_factory.mktemp("cluster")) as found:
-        yield found
+@pytest.fixture(autouse=True)
+def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures with few dots, which take half the time; who looks at dots calls `written`."""
+    tools = sys.modules.get("tgospa_eval.show.figure_tools")
+    if tools is None:  # matplotlib is an extra
+        return
+    fine = tools.written
+
+    def coarse(made: Any, kind: str = "png", _dots: int = 0) -> bytes:
+        return fine(made, kind, FEW_DOTS)
+
+    monkeypatch.setattr(tools, "written", coarse)
 
 
 @pytest.fixture

@@ -1,9 +1,9 @@
-"""Jobs to answers, over any engine: in chunks, as long as one lives that can do them.
+"""Engines that do jobs in chunks, and try jobs of dead workers again.
 
-An engine opens pools. Of a pool nothing is used but `submit`, and callbacks of its futures. Engines
-are `Processes` of this machine (loky, as joblib brings it) and the workers of a `Cluster` (a Dask
-scheduler which is there already; whatever Dask raises and prints stays in this module). Last, a
-helper: one process for compiled code that damaged data may end.
+An engine opens pools, of which only `submit` and callbacks of futures are used. Engines are
+`Processes` of this machine (loky, from joblib) and the workers of a `Cluster` (an existing Dask
+scheduler; errors and output of Dask stay in this module). `call_in_helper` uses one more process,
+for compiled code that damaged data may crash.
 """
 
 import atexit
@@ -31,23 +31,23 @@ from tgospa_eval.common import files
 from tgospa_eval.common.machine import available_memory, cores
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import on_surface, option, surface
+from tgospa_eval.quoting import on_surface, option, surface
 
 J = TypeVar("J")
 R = TypeVar("R")
 
 CHUNK_SECONDS = 1.0
-"""Seconds after which a worker hands back what is ready, and what of its chunk is not begun."""
+"""Seconds after which a worker returns its finished answers, and the jobs that it has not begun."""
 
 POLL = 1.0
-"""Seconds between looks at a pool while nothing comes."""
+"""Seconds between checks of a pool without answers."""
 
 CHUNKS_AHEAD = 4
-"""Chunks for each worker into which what is left would be cut: they become smaller at the end."""
+"""Number of chunks for each worker into which remaining jobs are divided; chunks shrink."""
 
 
 class DiedError(Exception):
-    """The process that worked on it died, or each of several that tried."""
+    """Error that the process of a job died, or each of several processes that tried it."""
 
 
 class Future(Protocol):
@@ -58,45 +58,45 @@ class Future(Protocol):
 
 
 class Pool(Protocol):
-    """Workers that are there."""
+    """Pool of running workers."""
 
     @property
     def died(self) -> bool:
         """True if a worker has died, so that another pool is needed."""
 
     def workers(self) -> int:
-        """Return how many jobs are worked on at once."""
+        """Return the number of jobs that run at the same time."""
 
     def submit(self, function: Callable[..., R], *arguments: object) -> Future:
-        """Have a function called in a worker; raises `DiedError` where there is none any more."""
+        """Call a function in a worker; raise `DiedError` if no worker is left."""
 
     def answer(self, future: Any) -> Any:
-        """Return the answer of a future that has ended; raise `DiedError`."""
+        """Return the answer of a finished future, or raise `DiedError`."""
 
     def poll(self) -> None:
-        """Do regular checks while no answer comes."""
+        """Do regular checks while there is no answer."""
 
 
 class Engine(Protocol):
-    """Place where jobs are done."""
+    """Opener of pools that do jobs."""
 
     def open(self, max_workers: int) -> AbstractContextManager[Pool]:
-        """Have workers, so many at most; left by an exception it ends their work at once."""
+        """Yield at most so many workers; an exception in the block ends their work at once."""
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""Attempts at jobs: how many in a chunk; chunks that are with each worker, which are all tried
-again if one of them dies; whether nothing else is worked on meanwhile. What was with a dying worker
-is tried again with fewer beside it: one job is to blame."""
+"""Attempts at jobs: largest number of jobs in a chunk; number of chunks with each worker, all of
+which are tried again if a worker dies; whether no other job runs at the same time. Jobs of a dead
+worker are tried again in smaller groups, to find the job that caused the death."""
 
 
 def spread(
     work: Callable[[J], R], jobs: Sequence[J], lost: Callable[[J], R], engine: Engine
 ) -> Generator[R, None, None]:
-    """Do the jobs; answers come as they are ready.
+    """Do the jobs, and yield answers as they are ready.
 
-    Jobs that were with a worker that died are tried again as `ATTEMPTS` has it; a job whose worker
-    dies when it is alone is answered by `lost`.
+    Jobs of a worker that died are tried again by the rules of `ATTEMPTS`. A job whose worker dies
+    when no other job runs gets the answer of `lost`.
     """
     left: Sequence[J] = jobs
     for chunk_size, ahead, separate in ATTEMPTS:
@@ -111,7 +111,7 @@ def spread(
 
 
 def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
-    """Return the answers of the first jobs of a chunk: at least one, and those of a second."""
+    """Return the answers of the first jobs of a chunk: at least one, for about `CHUNK_SECONDS`."""
     until = time.monotonic() + CHUNK_SECONDS
     answers = []
     for job in chunk:
@@ -130,7 +130,7 @@ def _until_one_dies(
     ahead: int,
     separate: bool,
 ) -> Iterator[R]:
-    """Yield answers of the jobs that wait, until a worker dies or none is left."""
+    """Yield answers of waiting jobs until a worker dies or no job is left."""
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
     broken = False
@@ -160,7 +160,7 @@ def _until_one_dies(
 
 
 def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
-    """Yield the futures that have ended; one at least, or none after a while."""
+    """Yield the finished futures: at least one, or none after a while."""
     try:
         yield ended.get(timeout=POLL)
     except queue.Empty:
@@ -174,10 +174,10 @@ def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
 # Worker processes on this machine: loky, as joblib brings it.
 
 PARENT_CHECK = 1.0
-"""Seconds between looks at whether the parent is there."""
+"""Seconds between checks that the parent process exists."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Settings of linear algebra before it is loaded."""
+"""Settings of linear algebra libraries before they are loaded."""
 
 
 class Processes:
@@ -186,8 +186,8 @@ class Processes:
     Parameters
     ----------
     number : int, optional
-        How many; by default as many as there are cores. Each may take its share of the memory that
-        is available.
+        Number of processes; by default the number of cores. Each may take its share of the
+        available memory.
     """
 
     def __init__(self, number: int | None = None) -> None:
@@ -195,7 +195,7 @@ class Processes:
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator["Local"]:
-        """Yield processes that end at once when the work is broken off."""
+        """Yield processes that end at once when the work is interrupted."""
         from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
         # The process that keeps the locks of a pool would complain when the pool is broken off.
@@ -216,18 +216,18 @@ class Processes:
 
 
 def engine_of(scheduler: str | None, number: int | None) -> Engine:
-    """Return the workers of a scheduler, if there is one; else processes of this machine."""
+    """Return the workers of a scheduler, if an address is given, else processes of this machine."""
     return Cluster(scheduler) if scheduler else Processes(number)
 
 
 class Local:
-    """A pool of processes; when one dies, all that is with it is lost."""
+    """Pool of processes; if one dies, all jobs of the pool are lost."""
 
     def __init__(self, pool: Any, number: int) -> None:
         self.pool, self.number, self.died = pool, number, False
 
     def workers(self) -> int:
-        """Return how many there are."""
+        """Return the number of processes."""
         return self.number
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
@@ -242,7 +242,7 @@ class Local:
             return future.result()
 
     def poll(self) -> None:
-        """Do nothing: a process that dies ends its futures."""
+        """Do nothing: the death of a process ends its futures."""
 
     @contextmanager
     def _reported_when_dead(self) -> Iterator[None]:
@@ -256,7 +256,7 @@ class Local:
 
 
 def _begin_trackers() -> None:
-    """Have what loky begins with its first worker: Python up to 3.13 lets Ctrl-C through then."""
+    """Begin the helper processes of loky first, as Python up to 3.13 lets Ctrl-C through then."""
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
 
@@ -265,7 +265,7 @@ def _begin_trackers() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait; processes that begin meanwhile never get any: their parent does."""
+    """Delay Ctrl-C; processes that begin in the block ignore it, as their parent handles it."""
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
         return
@@ -277,9 +277,9 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _begin(share: int | None, parent: int) -> None:
-    """Limit a worker to its share of the memory, and end it with its parent.
+    """Limit a worker to its share of the memory, and end it together with its parent.
 
-    Who that is has to be told: it may be gone already.
+    The id of the parent is an argument, because the parent may have ended already.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
@@ -292,7 +292,7 @@ def _begin(share: int | None, parent: int) -> None:
 
 
 def limit_memory(share: int | None) -> None:
-    """Refuse this process more than so many bytes, where the system can."""
+    """Limit the memory of this process, if the system supports it."""
     if share is not None and sys.platform == "linux":
         import resource
 
@@ -314,19 +314,19 @@ def _watch(parent: int) -> None:
 
 
 class PersistentPool:
-    """An engine that opens one pool of another, and a new one where a worker of it has died.
+    """Engine that keeps one pool of another engine open, and replaces it after a worker has died.
 
-    Used in a ``with`` statement, whose end ends the workers.
+    It is used in a ``with`` statement, whose end stops the workers.
 
     Parameters
     ----------
     engine : Engine
-        Opens the pools.
+        Engine that opens the pools.
     max_workers : int
-        Workers that are wanted.
+        Requested number of workers.
     patience : float
-        Seconds of work that whoever has jobs is to do without workers: what ends sooner ends before
-        workers would have begun.
+        Seconds of work that the caller does itself before workers begin; shorter work ends before
+        workers would have started.
     """
 
     def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
@@ -346,13 +346,13 @@ class PersistentPool:
         self._stack.__exit__(kind, error, trace)
 
     def close(self) -> None:
-        """End the workers; whoever has jobs does the rest without."""
+        """End the workers; the caller does the remaining jobs itself."""
         self._stack.close()
         self._pool, self.patience = None, math.inf
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
-        """Yield the pool that is there."""
+        """Yield the open pool."""
         if self._pool is None or self._pool.died:
             self._stack.close()
             self._pool = self._stack.enter_context(self.engine.open(self.max_workers))
@@ -369,12 +369,12 @@ CONNECT = 10.0
 
 
 class Cluster:
-    """The workers of a scheduler.
+    """Workers of a Dask scheduler.
 
     Parameters
     ----------
     address : str
-        Such as ``tcp://host:8786``.
+        Address such as ``tcp://host:8786``.
     """
 
     def __init__(self, address: str) -> None:
@@ -382,12 +382,12 @@ class Cluster:
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)
-        """Yield a connection; work that is under way is cancelled when it is broken off.
+        """Yield a connection; running work is cancelled on an interruption.
 
         Raises
         ------
         ConfigError
-            The extra is missing, the scheduler does not answer or is lost.
+            The extra is missing, or the scheduler does not answer or is lost.
         """
         try:
             from distributed import Client
@@ -413,7 +413,7 @@ class Cluster:
         Raises
         ------
         ConfigError
-            It does not.
+            The scheduler does not answer.
         """
         import asyncio
 
@@ -434,7 +434,7 @@ class Cluster:
 
 @contextmanager
 def _silent_logs() -> Iterator[None]:
-    """Silence the messages of Dask about losses, which we report in one line."""
+    """Silence the messages of Dask about lost connections, which are reported in one line."""
     logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if _is_dask(name)]
     before = [log.level for log in logs]
     for log in logs:
@@ -451,7 +451,7 @@ def _is_dask(name: str) -> bool:
 
 
 class Remote:
-    """A connection to the workers; Dask itself tries elsewhere what was with one that died."""
+    """Connection to the workers; Dask itself moves the jobs of a dead worker to another one."""
 
     def __init__(self, address: str, client: Any) -> None:
         self.address, self.client = address, client
@@ -459,7 +459,7 @@ class Remote:
         self._is_reported = self.died = False
 
     def workers(self) -> int:
-        """Return threads of all workers, as of the last second."""
+        """Return the number of threads of all workers, at most a second old."""
         if time.monotonic() - self._counted > POLL:
             with self._lost_reported():
                 self._threads = sum(self.client.nthreads().values())
@@ -467,7 +467,7 @@ class Remote:
         return self._threads
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
-        """Have a function called; the scheduler sees bytes alone."""
+        """Call a function; the scheduler only sees bytes."""
         with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
             # Not pure: a job may be submitted twice.
@@ -480,9 +480,9 @@ class Remote:
         Raises
         ------
         DiedError
-            Every worker that tried died.
+            All workers that tried the job died.
         ConfigError
-            The scheduler is lost, or workers have another version or none.
+            The scheduler is lost, or workers have another version or lack the package.
         """
         from distributed import KilledWorker
 
@@ -500,7 +500,7 @@ class Remote:
             raise
 
     def poll(self) -> None:
-        """Tell once if there are no workers."""
+        """Report once that there are no workers."""
         if not self.workers() and not self._is_reported:
             self._is_reported = True
             files.announce(f"waiting for workers of {self.address}")
@@ -513,7 +513,7 @@ class Remote:
 
     @contextmanager
     def _lost_reported(self) -> Iterator[None]:
-        """Raise losses of the connection as one error."""
+        """Raise all errors of a lost connection as one error."""
         from concurrent.futures import CancelledError
 
         try:
@@ -525,7 +525,7 @@ class Remote:
             ) from None
 
     def close(self) -> None:
-        """Leave the cluster; work that is not begun is dropped."""
+        """Leave the cluster; jobs that have not begun are dropped."""
         with suppress(OSError, RuntimeError):
             self.client.close()
 
@@ -536,7 +536,7 @@ def call_checked(content: bytes, version: str) -> Any:
     Raises
     ------
     ConfigError
-        The worker has another version.
+        The worker has another version of this package.
     """
     if version != __version__:
         raise ConfigError(
@@ -561,16 +561,16 @@ _lock = threading.Lock()
 
 
 def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
-    """Call a function of a module in the process.
+    """Call a function of a module in the helper process.
 
     Raises
     ------
     OSError
         No process can be started.
     DiedError
-        The process ended; with what is the message.
+        The process ended; the message has its status.
     Exception
-        Whatever the function raises.
+        Any error of the function.
     """
     with _lock:
         is_done, result = _answer(
@@ -616,7 +616,7 @@ def _answer(process: Any, message: object) -> Any:
 
 
 def serve() -> None:
-    """Answer calls until whoever makes them is gone."""
+    """Answer calls until the calling process ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # text that a library prints goes to stderr
     result: tuple[bool, object] = True, None

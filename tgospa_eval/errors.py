@@ -11,7 +11,7 @@ TgospaWarning is what Python warns with: the data look wrong, or were repaired.
 from enum import IntEnum
 from operator import index
 
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 LARGEST_COUNT = 2**31 - 2
 """Limit of anything that is numbered with 32 bits, ends of ranges included."""

@@ -17,9 +17,9 @@ from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
+from tgospa_eval.quoting import ending, option
 from tgospa_eval.results.records import Json, Time
-from tgospa_eval.show.rendering import WIDTH, Table, clip, text_lines, wrap
-from tgospa_eval.text import ending, option
+from tgospa_eval.show.table_text import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -32,7 +32,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 def inspect(
     files: list[tuple[str, Reading]], sides: AlignedPair | None, request: EvaluationRequest
 ) -> Json:
-    """Describe the truth and an estimate, by paths or contents, and how both sides fit."""
+    """Return a description of the truth and an estimate, and of how both sides fit."""
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
     warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
@@ -60,13 +60,13 @@ def inspect(
         notices = [notice for notice in diagnose(sides, request) if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
-            both["nearest"]["suggested"] = None  # the distances are not those of errors
+            both["nearest"]["suggested"] = None  # the distances are not errors
     document["warnings"] = [notice.record() for notice in warnings]
     return document
 
 
 def _about(reading: Reading) -> Iterator[Notice]:
-    """Yield warnings about one file by itself."""
+    """Yield warnings about one file."""
     yield from reading.warnings
     count = reading.left_out.get("duplicate", 0)
     if count and not any(notice.code == "duplicates" for notice in reading.warnings):
@@ -126,17 +126,17 @@ def describe(path: str, reading: Reading) -> Json:
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
-    """Return rows of each track, and its first and last step."""
+    """Return the number of rows of each track, and its first and last step."""
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in the order of the steps, so the last one is kept
+    last[side.track] = side.step  # rows are in order of steps, so the last value is kept
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
 
 def _longest_hole(side: Trajectories) -> int:
-    """Count consecutive steps of the file at which a track is absent between its ends."""
+    """Return the longest run of the file's steps at which a track is absent between its ends."""
     order = np.argsort(side.track, kind="stable")
     track, step = side.track[order], side.step[order]
     same = track[1:] == track[:-1]
@@ -144,7 +144,7 @@ def _longest_hole(side: Trajectories) -> int:
 
 
 def _clock(side: Trajectories) -> Json:
-    """Return the first and last stamp as read, and the distances between stamps."""
+    """Return the first and last timestamp as read, and the distances between timestamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
     gaps = spread(np.diff(side.times))
@@ -157,7 +157,7 @@ def _clock(side: Trajectories) -> Json:
 
 
 def spread(values: Floats | Ints) -> Json | None:
-    """Return the smallest, median and largest; None of nothing."""
+    """Return the smallest, median and largest value, or None without values."""
     if not len(values):
         return None
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
@@ -165,7 +165,7 @@ def spread(values: Floats | Ints) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
-    """Compare both files: steps, time, another clock, space, nearest estimates."""
+    """Return a comparison of both files: steps, time, clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
     clock = find_clock(sides.given, parameters, distance, request.recorded)
@@ -192,13 +192,13 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
 
 
 def _common_range(a: Floats, b: Floats) -> Json | None:
-    """Return the range in which both have values; None if there is none."""
+    """Return the range in which both have values, or None without one."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
 
 def _overlap(aligned: Alignment) -> Json | None:
-    """Return the first and last step between which both files have rows; None if there is none."""
+    """Return the first and last step between which both files have rows, or None without one."""
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
         return None
@@ -213,9 +213,10 @@ def _overlap(aligned: Alignment) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
-    """Return distances from truths to the nearest estimate of their step, over common steps.
+    """Return distances from true states to the nearest estimate of their step, at common steps.
 
-    At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.
+    At most `SAMPLE` steps, and true states of a step, are examined, at even spacing. None means
+    that no step has both.
     """
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
@@ -255,7 +256,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 # The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
-"""Extent as min and max; with a median too."""
+"""Extent as min and max, possibly with a median."""
 
 Row = tuple[str, list[str]]
 
@@ -264,11 +265,11 @@ NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
-"""Width of the columns of the files, at least; two of them and a gap of 2 fit in a line."""
+"""Smallest width of the columns of files; two columns and a gap of 2 fit in a line."""
 
 
 def table(document: Json) -> str:
-    """Return the document in words, for someone who sees it for the first time."""
+    """Return the document in words, for a first look."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
@@ -282,7 +283,7 @@ def table(document: Json) -> str:
 
 
 def _columns(rows: list[Row]) -> list[str]:
-    """Return rows as lines: a cell that is too wide for its column goes on below."""
+    """Return rows as lines; a cell that is too wide for its column continues below."""
     count = len(rows[0][1])
     room = WIDTH - NAME_WIDTH - 1 - 2 * (count - 1)
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
@@ -295,7 +296,7 @@ def _columns(rows: list[Row]) -> list[str]:
 
 
 def _files(files: list[Json]) -> Iterator[Row]:
-    """Yield a row for each property, a cell for each file."""
+    """Yield a row for each property, with a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
     yield "format", [file["format"] for file in files]
@@ -303,7 +304,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # reasons that need more words than the JSON has
+    reasons = {  # reasons that need more words than in the JSON
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",
@@ -348,7 +349,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Yield lines on how the files fit; `warned` if a warning names the other clock."""
+    """Yield lines on how the files fit; `warned` means that a warning names the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -389,7 +390,7 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
 
 
 def _stretch(time: Json | None) -> str:
-    """Return the time that both files cover."""
+    """Return a text on the time that both files cover."""
     if time is None:
         return "the files have no time in common"
     if time["steps"] == 1:
@@ -399,7 +400,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """Describe the stamps of the estimate that fit better."""
+    """Describe the timestamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -407,13 +408,13 @@ def _shown_clock(clock: Json) -> str:
         if value != neutral
     )
     return (
-        f"the stamps of the estimate fit better with {settings} (+/- {clock['uncertainty']:g}): "
-        f"{100 * clock['saving']:.0f} % of the cost of {counted(clock['steps'], 'step')} goes away"
+        f"timestamps of the estimate fit better with {settings} (+/- {clock['uncertainty']:g}): "
+        f"{100 * clock['saving']:.0f} % of the cost of {counted(clock['steps'], 'step')} is saved"
     )
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Format the range and the median of it, with a noun or unit."""
+    """Format a range and its median, with a noun or unit."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -422,7 +423,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """Return the shortest and longest step, without the rounding of the stamps."""
+    """Return the range of the step lengths, without the rounding of the timestamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]
@@ -430,7 +431,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Format ends of an interval, with enough digits for them to differ."""
+    """Format the ends of an interval, with enough digits for them to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]
@@ -447,7 +448,7 @@ def _number(value: float | None, digits: int = 6) -> str:
 
 
 def _moment(value: Time | None) -> str:
-    """Format a time without the rounding of sums of decimals: 5.8, not 5.800000000000001."""
+    """Format a time without the rounding errors of decimals: 5.8, not 5.800000000000001."""
     if not isinstance(value, float):
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"

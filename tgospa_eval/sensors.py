@@ -1,8 +1,7 @@
-"""Association of the states of two sensors, step by step. Knows no file.
+"""Association of the states of two sensors, step by step, without files.
 
-At every step the pairs are chosen whose distances, with half a cutoff for everything that stays
-unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutoff or
-beyond is taken.
+At every step, the chosen pairs have the smallest sum of distances, with half a cutoff for each
+unassigned state. So a pair gains ``c - d``, and pairs at the cutoff or beyond are not chosen.
 """
 
 from functools import cached_property
@@ -44,10 +43,10 @@ from tgospa_eval.tracks.trajectories import Trajectories
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
 NOBODY = -1
-"""Row of the partner of a state that has none."""
+"""Row number of the partner of a state without a partner."""
 
 MAX_STATES = 3000
-"""Rows of either side of a step: the matrix of their gains takes 72 MB."""
+"""Largest number of rows of either side of a step; their matrix of gains has 72 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,18 +55,18 @@ class Pairing:
 
     Parameters
     ----------
-    first, second : Trajectories
+    Both sides, on the same times.
         The sides, on the same times.
     pairs : Pairs
-        Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
+        Pairs of rows at the same step, nearer than the cutoff, or all pairs if requested.
     mean_distances : (N,) float array
-        Distances of their means.
+        Distances of the means of the pairs.
     chosen : (N,) bool array
-        Which of them were associated.
+        Mask of the associated pairs.
     cutoff : float
-        The cutoff c.
+        Cutoff c.
     distance : Distance
-        As it was measured.
+        Distance with which the pairs were measured.
     """
 
     first: Trajectories
@@ -86,13 +85,13 @@ class Pairing:
 
     @property
     def total(self) -> float:
-        """The sum that was minimised."""
+        """Minimised sum of distances and half cutoffs."""
         near = self.pairs.distance[self.chosen].sum()
         return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
     @property
     def sides(self) -> tuple[Trajectories, Trajectories]:
-        """Both."""
+        """Both sides."""
         return self.first, self.second
 
     @cached_property
@@ -105,7 +104,7 @@ class Pairing:
 
     @cached_property
     def partings(self) -> tuple[Floats, Floats]:
-        """Distance of each row of either side to its partner; 0 without one."""
+        """Distance of each row of either side to its partner, 0 without a partner."""
         a, b = (np.zeros(len(side.step)) for side in self.sides)
         near = self.pairs.distance[self.chosen]
         a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
@@ -113,12 +112,12 @@ class Pairing:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Around each state of the first side the lower triangle of G, (R, d (d + 1) / 2).
+        """Lower triangle of G around each state of the first side, (R, d (d + 1) / 2).
 
-        Means z apart, with z' G^-1 z >= 1, are not associated: G_ij is c^2 C_ij / (s_i s_j) with
-        the scales s and the covariance C, without one the unit matrix. Where each pair has its own
-        C it is that of the partner, of a state without one that with its equal; of places on
-        the Earth G holds nearby. None of distances without scales, as of boxes.
+        Means with a difference z and z' G^-1 z >= 1 are not associated. G_ij is c^2 C_ij /
+        (s_i s_j) with scales s and covariance C, which is the unit matrix by default. If C depends
+        on the pair, it is that with the partner, or with an equal state if there is no partner. On
+        the Earth, G is valid nearby. Distances without scales, as of boxes, give None.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
@@ -141,7 +140,7 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Return each state once: pairs by step, with None for the partner of an unassigned one."""
+        """Return each state once: pairs by step, with None as partner of an unassigned state."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
@@ -154,7 +153,7 @@ class Pairing:
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """Return all `pairs`, and whether they were associated."""
+        """Return all `pairs`, and whether they are associated."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
@@ -165,7 +164,7 @@ class Pairing:
         Raises
         ------
         InputError
-            No side has clouds, or one has Gaussians.
+            Both sides are without clouds, or one side has Gaussians.
         """
         kinds = {self.first.kind, self.second.kind}
         if "cloud" not in kinds or "gaussian" in kinds:
@@ -188,12 +187,12 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """Return the steps of rows of the sides, of which one may be `NOBODY`."""
+        """Return the steps of rows of the sides, one of which may be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Return the table of rows of both sides and the distances of pairs; None for `NOBODY`."""
+        """Return the table of rows of both sides and their distances, None for `NOBODY`."""
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
@@ -222,21 +221,21 @@ def associate(
     Parameters
     ----------
     first, second : Trajectories
-        On the same times, with the same state columns.
+        Both sides, on the same times and with the same state columns.
     cutoff : float
-        c > 0, in the unit of the distance.
+        Cutoff c > 0, in the unit of the distance.
     distance : str or Distance
         Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a record.
     all_pairs : bool
-        Measure all pairs of each step, not only those that may be nearer than the cutoff; the
-        association is the same.
+        Whether to measure all pairs of each step, not only those that may be nearer than the
+        cutoff. The association is the same.
     resources : Resources, optional
-        Threads, and progress.
+        Number of threads, and progress.
 
     Raises
     ------
     ConfigError
-        The cutoff is not finite and > 0, or there is no such distance.
+        The cutoff is not finite and > 0, or the distance does not exist.
     InputError
         The sides do not fit each other or the distance, or a step has too many states.
     """
@@ -272,7 +271,7 @@ def associate(
 
 
 def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
-    """Return the distance of the states of both sides, which must fit each other."""
+    """Return the distance of the states of both sides, after checks that they fit each other."""
     if isinstance(distance, str):
         distance = DISTANCES.chosen(distance)
     names = ("first", "second")
@@ -293,44 +292,44 @@ def _mean_distances(
         scale=distance.scale,
         period=distance.period,
     )
-    if "scale" not in distance.options:  # degrees, and edges of boxes: no norm
+    if "scale" not in distance.options:  # distances of degrees and edges of boxes are not norms
         means = distance
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
 
 
 # -------------------------------------------------------------------------------------------------
-# Clouds of a whole recording reduced, and the changes. Knows no file.
+# Reduction of all clouds of a recording, and the changes.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
-"""Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""
+"""Values of `CHANGES` of a cloud; None where a value is unknown or undefined."""
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Distance to the cloud before each iteration of the reduction: a list each."""
+"""Column with the distances to the cloud before each iteration of the reduction, as lists."""
 
 
 def reduce_trajectories(
     side: Trajectories, reduction: Reduction, resources: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
-    """Reduce all clouds to fewer particles; with a row of changes for each cloud.
+    """Reduce all clouds to fewer particles, and return a row of changes for each cloud.
 
     Parameters
     ----------
     side : Trajectories
-        With clouds; without, every state is one particle, and nothing changes.
+        Side with clouds; other states count as one particle and do not change.
     reduction : Reduction
-        How.
+        Settings of the reduction.
     resources : Resources, optional
-        Threads, and progress.
+        Number of threads, and progress.
 
     Returns
     -------
     Trajectories
-        With the reduced clouds and their means.
+        Side with the reduced clouds and their means.
     dict of lists
-        By cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of both
-        clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift, and the
-        history, as `Reduction.trace` has it. None where a cloud is too large for the exact
+        Columns by cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of
+        both clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift, and
+        the history of `Reduction.trace`. Values are None where a cloud is too large for the exact
         distance, POT is missing, or there is no spread.
     """
     resources = resources or Resources()
@@ -348,7 +347,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
 
 
 def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
-    """Return a row for each cloud: in threads, as it takes longer than to reduce."""
+    """Return a row for each cloud, in threads, because it takes longer than the reduction."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
@@ -374,7 +373,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         float(weights @ ((points - mean) ** 2).sum(axis=1))
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
-    # Without a warning for weights of single precision: they were normalised when read.
+    # Weights of single precision cause no warning, because they were normalised when read.
     exact = (
         cloud_wasserstein(*before, *after)
         if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2

@@ -78,7 +78,7 @@ def test_a_click_on_a_lane_selects_truth_and_step(shown: Callable, sample: Resul
 def test_a_row_of_a_table_selects_and_sorting_works(shown: Callable, sample: Result) -> None:
     tab = shown(sample)
     first = "document.querySelector('#truth-table tbody th').innerText"
-    assert tab.run(first) == "5"  # dearest first
+    assert tab.run(first) == "5"  # highest cost first
     tab.run("document.querySelector('#truth-table thead button').click()")
     assert tab.run(first) == "1"
     assert tab.run("document.querySelector('#truth-table th').ariaSort") == "ascending"

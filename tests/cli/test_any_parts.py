@@ -7,7 +7,6 @@ import json
 import math
 import shutil
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from answer import Invoke
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +24,6 @@ from tgospa_eval import Trajectories
 from tgospa_eval.evaluation import memory
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
-Invoke = Callable[..., Any]
 PARTS = ("localisation", "missed", "false", "switch")
 SCENARIOS = ["crossing", "parallel", "convoy", "dense", "births", "manoeuvring"]
 
@@ -62,7 +62,7 @@ CASES = st.fixed_dictionaries(
 
 @given(seed=st.integers(0, 2**32 - 1), case=CASES)
 @settings(
-    max_examples=settings.default.max_examples // 5,
+    max_examples=examples(4),
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[str, Any]) -> None:

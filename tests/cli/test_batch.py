@@ -7,16 +7,14 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from answer import Invoke
 from checkout import SAMPLES
 from runs import PATTERNS, write_runs
-
-Invoke = Callable[..., Any]
 
 RUNS = 4
 

@@ -9,16 +9,15 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Invoke
 from browser import PATIENCE
 
 if sys.platform == "win32":
     pytest.skip("needs signals", allow_module_level=True)
 
-Invoke = Callable[..., Any]
 
 PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", "-c", "10", "-q")
 

@@ -2,19 +2,18 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 
 import tgospa_eval
 from tgospa_eval import ConfigError
 from tgospa_eval.results.records import PARTS
-
-Invoke = Callable[..., Any]
 
 PATTERNS = ("--truth", "gt.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
 RUNS = 3

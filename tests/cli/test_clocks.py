@@ -3,17 +3,14 @@
 import json
 import shutil
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke
 
 from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate
-
-Invoke = Callable[..., Answer]
 
 UTC = ["2025-04-03T10:00:00Z", "2025-04-03T10:00:10.5Z"]
 METRIC = {"cutoff": 5, "switch_penalty": 1}
@@ -91,7 +88,11 @@ def test_dates_that_may_be_either_are_never_guessed() -> None:
         (UTC, {"format": "fortnights"}, "must be a format such as"),
         (UTC, {"format": "%d/%m/%Y"}, "does not fit"),
         (["1", "x"], {"format": "s"}, '"x" does not fit'),
-        (["2025-04-03T10:00:00", "2025-04-03T10:00:10"], {}, "says what zone the ISO times are of"),
+        (
+            ["2025-04-03T10:00:00", "2025-04-03T10:00:10"],
+            {},
+            'name the zone of the ISO times, truth_time_zone="UTC" or another',
+        ),
         ([17, 18], {}, "write both as ISO times"),
     ],
 )

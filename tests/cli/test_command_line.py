@@ -5,12 +5,12 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
+from answer import Run, Write
 from browser import PATIENCE
 from checkout import DOCS
 
@@ -19,8 +19,6 @@ from tgospa_eval.api import options
 from tgospa_eval.cli.shared import click_builder, command
 from tgospa_eval.cli.verbs import VERBS, load
 
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 Pair = tuple[str, str]
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")

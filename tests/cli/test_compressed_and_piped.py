@@ -6,17 +6,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 import pytest
+from answer import Run, Write
 from checkout import SAMPLES
 
 from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, loading, read
 from tgospa_eval.formats.text import lines
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 zstd = pytest.importorskip(loading.ZSTD)
 

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from answer import Invoke
 
 from tgospa_eval.cli.shared.command import TRUSTED_KEYS, Option
 from tgospa_eval.cli.verbs import VERBS, load
-
-Invoke = Callable[..., Any]
 
 
 @pytest.fixture

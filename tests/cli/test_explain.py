@@ -2,16 +2,14 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from checkout import SAMPLES
 
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 Row = tuple[str, int, float, float]
 
 METRIC = ("-c", "10", "-g", "5", "-q")
@@ -232,7 +230,7 @@ def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--sweep", "c=1,2"), "--explain is for one evaluation, not for --sweep"),
+        (("--sweep", "c=1,2"), "--explain is not supported with --sweep"),
         (("--by", "class"), "choose one class by --class NAME"),
         (("--distance", "iou", "--preprocess", "motchallenge"), "depends on the repair"),
     ],

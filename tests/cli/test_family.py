@@ -1,14 +1,10 @@
 """``--rho`` and ``--step-weights`` as a user types them."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from answer import Answer
-
-Run = Callable[..., Answer]
-Write = Callable[[str, str], str]
+from answer import Run, Write
 
 
 @pytest.fixture
@@ -52,7 +48,7 @@ def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
     assert "similarity" not in invoke(*pair, "--format", "json").out
     for more, said in (
         (("--similarity", "0"), "--similarity: false targets is 0: must be > 0"),
-        ((*options, "--sweep", "c=1,2"), "not for --sweep"),
+        ((*options, "--sweep", "c=1,2"), "is not supported with --sweep"),
         ((*options, "--step-weights", "w.csv"), "not supported with --step-weights"),
     ):
         answer = invoke(*pair, *more)

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from answer import Invoke, Write
 from browser import PATIENCE
 from checkout import ROOT, SAMPLES
-
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 TRUTH = "id,t,x,y\n" + "".join(f"a,{t},{t},0\n" for t in range(5))
 METRIC = ("-c", "4", "-p", "1", "-g", "1")

@@ -2,14 +2,11 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from answer import Invoke
 from checkout import SAMPLES
-
-Invoke = Callable[..., Any]
 
 PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv")
 

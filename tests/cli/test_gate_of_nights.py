@@ -2,14 +2,16 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Invoke
+from evaluated_once import evaluated_once as evaluated_once  # a fixture of all tests here
 
-Invoke = Callable[..., Any]
+pytestmark = pytest.mark.usefixtures("evaluated_once")
 
 STEPS = 12
 SUITE = """

@@ -5,21 +5,18 @@ import resource
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 import pytest
+from answer import Run, Write
 from browser import PATIENCE
 
 from tgospa_eval import ConfigError, InputError
 from tgospa_eval.cli.verbs import VERBS, Verbs
 from tgospa_eval.common import files
 from tgospa_eval.formats import read
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 TABLE = "id,t,x,y\n1,0,0,0\n1,1,0,0\n"
 LONG = "n" * 300

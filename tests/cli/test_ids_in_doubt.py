@@ -1,16 +1,15 @@
 """Ids and columns without headers, as people's files have them."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import TgospaWarning, evaluate
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "20", "-g", "5")
 
 
@@ -45,7 +44,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     remedy = ("--truth-columns", "id=CID+TID")
     assert " ".join(remedy) in answer.err
     assert total(invoke(truth, linked, *METRIC, *remedy)) == pytest.approx(8 * 0.25, rel=1e-4)
-    with pytest.warns(TgospaWarning, match="if the numbers begin anew in each"):
+    with pytest.warns(TgospaWarning, match="if the numbers restart in each"):
         evaluate(pd.read_csv(truth), linked, cutoff=20, switch_penalty=5)
     table = evaluate(
         pd.read_csv(truth), linked, cutoff=20, switch_penalty=5, truth_columns=("id=CID+TID",)
@@ -54,7 +53,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     at_once = write("at_once.csv", clusters(apart=False))
     answer = invoke(at_once, at_once, *METRIC)
     assert answer.status == 3
-    assert 'ids are numbered anew in each "CID": --truth-columns id=CID+TID evaluates' in answer.err
+    assert 'ids restart in each "CID": --truth-columns id=CID+TID evaluates' in answer.err
     assert total(invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TID")) == 0
     answer = invoke(at_once, at_once, *METRIC, "--columns", "class=CID", "--by", "class")
     assert total(answer) == 0

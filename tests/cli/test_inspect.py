@@ -1,19 +1,15 @@
 """``tgospa-eval inspect``: what was read, in words and as JSON."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import Trajectories
-from tgospa_eval.show.plane import draw_inspection
+from tgospa_eval.show.draw_plane import draw_inspection
 from tgospa_eval.show.style import STYLES
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 TRUTH = "id,t,x,y\na,0,0,0\na,1,1,0\na,4,4,0\nb,0,9,9\nb,0,8,8\nb,1,,9\nb,2,9,5\n"
 ESTIMATE = "id,t,x,y\n1,0,0,1\n1,1,1,3\n1,2,9,9\n"
@@ -124,7 +120,7 @@ def test_a_cutoff_is_suggested_with_its_reason(invoke: Run, write: Write) -> Non
     document = json.loads(invoke("inspect", *crowd, "--format", "json").out)
     suggested = document["both"]["nearest"]["suggested"]
     assert suggested["cutoff"] == 1
-    assert suggested["reason"].endswith("a nearer estimate, and 100 % another truth")
+    assert suggested["reason"].endswith("a nearer estimate, and 100 % another true object")
     half = write("t.csv", rows(100, 0, 4)), write("e.csv", rows(100, 0.3, 2))
     found = json.loads(invoke("inspect", *half, "--format", "json").out)["both"]["nearest"]
     assert found["suggested"] is None  # half of the truths have no estimate at all

@@ -1,22 +1,20 @@
 """NEES wherever results go: point distances, data in parts, gates, batches, rankings, pictures."""
 
 import json
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 from partitioned import without_summary
 
 from tgospa_eval import ConfigError, TgospaWarning, Trajectories, compare, evaluate
 from tgospa_eval.evaluation import memory
 from tgospa_eval.results.consistency import NeesSums, band
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "12", "-g", "5", "-q", "--jobs", "1")
 GAUSSIAN = ("--distance", "gaussian-wasserstein")
 

@@ -4,7 +4,7 @@ import json
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from partitioned import without_summary
@@ -21,7 +23,6 @@ from tgospa_eval.evaluation import memory
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
-Invoke = Callable[..., Any]
 METRIC = ("-c", "8", "-g", "3", "--jobs", "1", "-q")
 REGIONS = "t,x,y,radius\n,40,40,15\n12,60,60,40\n13,60,60,40\n"
 BOXES = "t,left,top,width,height\n,20,0,40,90\n9,0,0,100,100\n"
@@ -140,7 +141,7 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
     sizes=st.tuples(st.sampled_from([10, 30, 300]), st.integers(1, 60)),
 )
 @settings(
-    max_examples=settings.default.max_examples // 10,
+    max_examples=examples(2),
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_any_parts(

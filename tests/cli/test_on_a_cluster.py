@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from answer import Invoke
 from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
@@ -27,7 +28,6 @@ from tgospa_eval.simulation import Scene, Tracker, simulate
 
 pytest.importorskip("distributed")
 
-Invoke = Callable[..., Any]
 
 pytestmark = [
     pytest.mark.process,
@@ -37,6 +37,13 @@ pytestmark = [
 
 PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", "-c", "10", "-q")
 RUNS = 24
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A Dask cluster of two workers; without work it takes a sixth of a core, so it ends here."""
+    with cluster(tmp_path_factory.mktemp("cluster")) as found:
+        yield found
 
 
 @pytest.fixture

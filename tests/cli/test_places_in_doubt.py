@@ -2,16 +2,16 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import TgospaWarning, batch, evaluate
 
-Invoke = Callable[..., Any]
 Rows = Iterable[Iterable[object]]
 
 
@@ -43,9 +43,9 @@ def test_a_place_that_no_row_knows_is_not_taken(
         write(name, header, rows)
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
     assert value(answer) == pytest.approx((12 * 100) ** 0.5, rel=1e-5)
-    assert "the same in all rows, no known place: centres of boxes are compared" in answer.err
+    assert "the same in all rows, not a known position: centres of boxes are compared" in answer.err
     invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "-o", "done", "--pictures", "none")
-    assert "no known place: centres of boxes" in Path("done/report.html").read_text(
+    assert "not a known position: centres of boxes" in Path("done/report.html").read_text(
         encoding="utf-8"
     )
     tables = [pd.read_csv(name) for name in ("gt.csv", "res.csv")]
@@ -68,11 +68,11 @@ def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image
     for pair in (("truth.txt", "est.txt"), ("est.txt", "truth.txt")):
         answer = invoke(*pair, "-c", "2", "-g", "1")
         assert value(answer) == pytest.approx((12 * 0.25) ** 0.5, rel=1e-5)
-        assert "no known place: x, y, z are compared" in answer.err
+        assert "not a known position: x, y, z are compared" in answer.err
         assert ("x, y, z are compared, as of the other side" in answer.err) == image
     answer = invoke("truth.txt", "est.txt", "--distance", "iou")
     assert answer.status == 3
-    assert "0 is no width of a box" in answer.err
+    assert "0 is not a width of a box" in answer.err
     assert "and no row is valid" in answer.err
     assert "drop" not in answer.err
 
@@ -86,9 +86,7 @@ def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     assert "the same in all rows" not in answer.err
     write("b.csv", "id,t,x,y", [(k, t, -1, -1) for t in range(5) for k in (1, 2)])
     answer = invoke("b.csv", "b.csv", "-c", "1", "-g", "1")
-    assert "warning: b.csv: x, y: the same in all rows, as of a place that is not known" in (
-        answer.err
-    )
+    assert "warning: b.csv: x, y: the same in all rows, as of an unknown position" in answer.err
 
 
 def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
@@ -133,7 +131,7 @@ def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
     write("gt.csv", "frame,id,left,top,width,height", boxes())
     write("res.csv", "frame,id,x,y,w,h", boxes((3, 4)))
     doubtful = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
-    assert "x, y beside w, h may be the corner or the centre of boxes" in doubtful.err
+    assert "x, y next to w, h may be the corner or the centre of boxes" in doubtful.err
     corner = "left=x,top=y,width=w,height=h"
     assert f"--estimate-columns {corner} if they are the corner" in doubtful.err
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "--estimate-columns", corner)
@@ -171,7 +169,7 @@ def test_boxes_by_centre_and_size_or_by_two_corners(invoke: Invoke) -> None:
     assert "no column for left" in answer.err
     wrong = [(f, k, x2, y2, x1, y1) for f, k, x1, y1, x2, y2 in corners]
     write("wrong.csv", "frame,id,x1,y1,x2,y2", wrong)
-    assert "-20 is no width of a box" in invoke("gt.csv", "wrong.csv").err
+    assert "-20 is not a width of a box" in invoke("gt.csv", "wrong.csv").err
 
 
 def test_ids_of_tracks_and_centres_go_before_names_and_corners(invoke: Invoke) -> None:

@@ -9,13 +9,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from answer import Run
 
 from tgospa_eval import Certified, Exact, Sinkhorn, Trajectories
 from tgospa_eval.cli.shared import progress as shown
@@ -27,11 +27,10 @@ from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.show.charts import CHARTS
+from tgospa_eval.show.chart_list import CHARTS
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 
-Run = Callable[..., Any]
 Pair = tuple[str, str]
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

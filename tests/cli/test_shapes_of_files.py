@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.guess import folder_format
-
-Invoke = Callable[..., Any]
 
 STEPS = range(5)
 SHIFT = (0.3, 0.4)
@@ -380,9 +379,9 @@ def test_coco(invoke: Invoke) -> None:
 @pytest.mark.parametrize(
     ("document", "said"),
     [
-        (coco("gt", video_id=lambda t: t % 2), "2 videos (0, 1), which are no one recording"),
+        (coco("gt", video_id=lambda t: t % 2), "2 videos (0, 1), which are not one recording"),
         (coco("gt", file_name=lambda t: f"{9 - t}.jpg"), "not in the order of their names"),
-        ({"images": [], "annotations": [{"id": 1}]}, "no annotations of COCO: KeyError"),
+        ({"images": [], "annotations": [{"id": 1}]}, "not annotations of COCO: KeyError"),
         ({"type": "FeatureCollection", "features": []}, "JSON, not a table"),
         ([{"id": 1, "frame": 0, "bbox": [1, 2, 3, 4]}], "no column for position"),
         ([{"id": "\ud800", "t": 0, "x": 1}], "a text with half a character"),

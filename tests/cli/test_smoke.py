@@ -14,10 +14,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from answer import Answer
+from answer import Run
 from checkout import SAMPLES
 
-Run = Callable[..., Answer]
 PAIR = ("truth.csv", "estimate.csv", "-c", "10", "-g", "5")
 CROWD = ("crowd_truth.csv", "crowd_estimate.csv", "-c", "25", "-g", "5")
 CROWD_TGOSPA = pytest.approx(97.9907515278866, rel=1e-9)

@@ -4,17 +4,14 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from answer import Answer
+from answer import Invoke
 from checkout import ROOT
 
 from tgospa_eval import evaluate
-
-Invoke = Callable[..., Answer]
 
 STUDY = ROOT / "sample_data" / "batch" / "montecarlo"
 TRUTH, ESTIMATE = f"{STUDY}/{{run}}/truth.csv", f"{STUDY}/{{run}}/confirm-{{confirm}}.csv"

@@ -14,6 +14,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from answer import Invoke, Write
 from browser import PATIENCE
 from checkout import SAMPLES
 
@@ -22,9 +23,6 @@ from tgospa_eval.api.options import OF_THE_NUMBER
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof import write as write_module
-
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 QUICK = tuple(str(SAMPLES / "quickstart" / f"{name}.csv") for name in ("truth", "estimate"))
 KITTI = tuple(str(SAMPLES / "kitti" / f"{name}.txt") for name in ("gt", "res"))

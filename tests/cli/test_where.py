@@ -2,17 +2,15 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Invoke
 
 from tgospa_eval import ConfigError, InputError, associate, evaluate
 from tgospa_eval.formats.options import parse_where
-
-Invoke = Callable[..., Any]
 
 METRIC = ("-c", "5", "-g", "2")
 
@@ -120,11 +118,11 @@ def test_what_cannot_be_compared_is_an_error(invoke: Invoke) -> None:
     keyword: dict[str, Any] = {"cutoff": 5, "switch_penalty": 2}
     text = Path("res.csv").read_text()
     Path("res.csv").write_text(text.replace("0.9,van", "high,van", 1))
-    with pytest.raises(InputError, match=r'line 2, column "score": "high" is no number as for'):
+    with pytest.raises(InputError, match=r'line 2, column "score": "high" is not a number as in'):
         evaluate("gt.csv", "res.csv", **keyword, estimate_where="score >= 0.5")
     with pytest.raises(InputError, match=r'line 2, column "x": 10 is a number, and .* a text'):
         evaluate("gt.csv", "res.csv", **keyword, truth_where="x == left")
-    with pytest.raises(ConfigError, match="where is for files and tables, and truth is none"):
+    with pytest.raises(ConfigError, match="where is for files and tables, and truth is neither"):
         evaluate({"a": {0: [1, 2]}}, {"a": {0: [1, 2]}}, **keyword, truth_where="x > 1")
     answer = invoke("gt.csv", "res.csv", *METRIC, "--where", "x > 1000")
     assert (answer.status, "--where: no row is left to evaluate" in answer.err) == (2, True)
@@ -155,8 +153,8 @@ def test_what_cannot_be_compared_is_an_error(invoke: Invoke) -> None:
                 "__import__('os').system('x') == 1",
             )
         ),
-        ("t < 2026-01-01", "texts are compared by == and != alone; time"),
-        ("a > '1'", "texts are compared by == and != alone"),
+        ("t < 2026-01-01", "texts are compared only by == and !=; time"),
+        ("a > '1'", "texts are compared only by == and !="),
     ],
 )
 def test_tests_that_are_none(test: str, fault: str) -> None:

@@ -2,21 +2,20 @@
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Answer, Invoke
 from checkout import SAMPLES
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, compare, evaluate
-
-Invoke = Callable[..., Answer]
 
 METRIC = {"cutoff": 10.0, "switch_penalty": 5.0}
 GIVEN = ("-c", "10", "-g", "5")
@@ -85,7 +84,7 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 22) ** 0.5)
     (warned,) = [notice for notice in dead["warnings"] if notice["code"] == "silences"]
     assert (
-        "no state within c of a truth for 12 in 1 silence: 36 states of the truth in them"
+        "no state within c of a true object for 12 in 1 silence: 36 states of the truth in them"
         in warned["text"]
     )
     free = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "none"))
@@ -136,7 +135,7 @@ def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
 def test_a_silence_is_no_fault_of_the_clock_and_an_hour_is_one(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", *GIVEN)
     answer = invoke("truth.csv", "dead.csv", *clock)
-    assert "no state within c of a truth for 12 in 1 silence" in answer.err
+    assert "no state within c of a true object for 12 in 1 silence" in answer.err
     assert "of the steps are in both files" not in answer.err
     ahead = tracker()
     ahead["t"] += 9.25
@@ -300,7 +299,7 @@ def test_gaps_of_the_truth_are_told() -> None:
     known = known[~((known["id"] == "1") & known["t"].between(10, 20))]
     found = evaluate(known, tracker(), **METRIC, resample=1, max_gap=4)
     (told,) = [notice for notice in found.warnings if notice.code == "truth-gaps"]
-    assert "the truth has 1 gap longer than 4, 12 in all, of 1: 12 estimate states" in told.text
+    assert "the truth has 1 gap longer than 4, together 12 long, of id 1: 12 estimate states" in told.text
     assert "cost up to 600" in told.text
     assert found.counts["false"] == 12  # one of them is made in the gap, and holds after it
 
@@ -329,7 +328,7 @@ scenes = st.lists(
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, at=st.integers(-5, 35))
 def test_another_false_state_never_lowers_the_value_per_step(
     clock: str, scene: list[tuple[int, int, float]], at: int
@@ -387,7 +386,7 @@ def test_another_false_state_never_improves_a_rank(
 
 
 @pytest.mark.parametrize("clock", ["default", "truth", "steps", "interpolated truth"])
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=examples(5))
 @given(scene=scenes, gone=st.sets(st.integers(0, 39), min_size=1))
 def test_a_tracker_that_says_less_is_never_better(
     clock: str, scene: list[tuple[int, int, float]], gone: set[int]

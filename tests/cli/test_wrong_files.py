@@ -1,14 +1,10 @@
 """What users hand in by mistake, and what they are told: one message, no number."""
 
 import bz2
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
+from answer import Run, Write
 
 TABLE = "id,t,x,y,class\n1,0,0,0,car\n1,1,0,0,car\n"
 MOT = "1,1,10,20,30,40,1,-1,-1,-1\n2,1,10,20,30,40,1,-1,-1,-1\n"

@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Run
 from checkout import DOCS, ROOT
 
 from tgospa_eval import ConfigError, InputError, evaluate, read_trajectories
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.formats import FORMATS
 
-Run = Callable[..., Answer]
 Install = Callable[..., Path]
 
 # Two steps: 4 apart, of which the root is 2, and 0.

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -78,7 +79,7 @@ OPTIONS: list[dict[str, Any]] = [
 ]
 
 
-@settings(max_examples=5)
+@settings(max_examples=examples(5))
 @given(seed=st.integers(0, 2**32 - 1), options=st.sampled_from(OPTIONS))
 def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[str, Any]) -> None:
     rng = np.random.default_rng(seed)
@@ -87,7 +88,7 @@ def test_numbers_and_warnings_are_those_of_each_pair(seed: int, options: dict[st
 
 def test_what_cannot_be_joined_is_evaluated_by_itself() -> None:
     rng = np.random.default_rng(5)
-    pairs = [scene(rng) for _ in range(6)]
+    pairs = [scene(rng) for _ in range(4)]
     same(pairs, cutoff=3.0, rho=0.3)
     same(pairs, cutoff=3.0, distance="chebyshev", solver="exact")
     same(pairs, cutoff=3.0, periodic="x=7")

@@ -4,23 +4,21 @@ Every bound is compared with the exact optimum of the input, without tolerance.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 from claims import claim, judge, judged, reference_of, totals
+from examples import examples
 from far_scenes import WALKS, FarScene, far_scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ANY_ORDERS, far_scenes
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
-
-Write = Callable[[str, str], str]
-Run = Callable[..., Any]
 
 SLOW_TINY = 10_000
 
@@ -183,39 +181,39 @@ def test_larger_scenes(family: str, index: int) -> None:
 # --- properties -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=75)
+@settings(max_examples=examples(150))
 @given(scene=far_scenes())
 def test_bounds_hold(scene: FarScene) -> None:
     """The lower bound <= optimum <= upper bound; and called exact is what is within 1e-9."""
     check(scene)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(scene=far_scenes(orders=ANY_ORDERS, farthest=30.0))
 def test_bounds_hold_for_any_order_and_cutoff(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(scene=far_scenes(most=5, steps=(5, 20)))
 def test_bounds_hold_in_contested_scenes(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 @given(scene=far_scenes(most=2, steps=(150, 400)))
 def test_bounds_hold_over_many_steps(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(scene=far_scenes(farthest=2.0))
 def test_bounds_hold_near_the_cutoff(scene: FarScene) -> None:
     """The ordinary regime: no digit is lost there either."""
     check(scene)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(scene=far_scenes(most=4, steps=(1, 8)), shuffle=st.integers(0, 99))
 def test_brackets_of_one_instance_overlap(scene: FarScene, shuffle: int) -> None:
     """Sides exchanged, time reversed, tracks in another order: one optimum, in every bracket."""
@@ -234,7 +232,7 @@ def test_brackets_of_one_instance_overlap(scene: FarScene, shuffle: int) -> None
     assert max(lower for lower, _ in brackets) <= min(upper for _, upper in brackets)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(scene=far_scenes(kinds=("equal",), most=4), shuffle=st.integers(0, 99))
 def test_equal_sets_cost_nothing(scene: FarScene, shuffle: int) -> None:
     """The identity axiom, for any cutoff and order."""
@@ -247,7 +245,7 @@ def test_equal_sets_cost_nothing(scene: FarScene, shuffle: int) -> None:
 
 @pytest.mark.parametrize("solver", [Exact(), Sinkhorn(), Certified(time_limit=1e-3)])
 @pytest.mark.filterwarnings("default", "ignore::tgospa_eval.TgospaWarning")  # asked elsewhere
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 @given(scene=far_scenes())
 def test_bounds_hold_whoever_solves(solver: Any, scene: FarScene) -> None:
     """An approximation, or what a limit stopped, is not exact; its bounds hold all the same."""

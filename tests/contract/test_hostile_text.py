@@ -5,17 +5,14 @@ import io
 import json
 import re
 import unicodedata
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke
 
 import tgospa_eval
-
-Invoke = Callable[..., Answer]
 
 EVIL = (
     "::error::x\n::add-mask::y\r\n ::z:: ##[error]a ##vso[b]c\x1b]0;t\x07\x1b[2J\x9b2J\x7f"

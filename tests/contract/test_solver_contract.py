@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import lagrangian_bound, tgospa_lp
@@ -47,13 +48,13 @@ def test_every_solver_is_under_contract() -> None:
     assert set(PROMISE) == set(SOLVERS)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, c=st.sampled_from([1.0, 2.0, 3.0]))
 def test_small(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float) -> None:
     check(*sides, c, p, gamma, "certified", "sinkhorn")
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH)
 def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     check(*sides, 2.0, p, gamma, "exact")
@@ -62,7 +63,7 @@ def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: fl
 CUTOFFS = st.sampled_from([2.0, 5.0, 50.0])
 
 
-@settings(max_examples=settings.default.max_examples * 3 // 4)
+@settings(max_examples=examples(15))
 @given(sides=few_among_many(longest=60), p=ORDERS, gamma=SWITCH, c=CUTOFFS)
 def test_few_among_many(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float
@@ -219,7 +220,7 @@ def random_solution(states: States, seed: int) -> Solution:
     return Solution(weights=weights, prices=prices, status="nonsense")
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(sides=pairs_of_sets(), gamma=SWITCH, seed=st.integers(0, 1000))
 def test_certificate_is_true_whatever_the_solver_says(
     sides: tuple[np.ndarray, np.ndarray], gamma: float, seed: int
@@ -236,7 +237,7 @@ def test_certificate_is_true_whatever_the_solver_says(
     assert breakdown.total <= bounds.upper <= breakdown.total * (1 + 1e-12)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(sides=pairs_of_sets(), seed=st.integers(0, 1000))
 def test_lower_bound_is_no_worse_than_a_plain_viterbi(
     sides: tuple[np.ndarray, np.ndarray], seed: int

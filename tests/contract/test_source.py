@@ -144,8 +144,8 @@ OF_OTHER_PROGRAMS = {
     "proof/check.py": "a command to type in a shell",
     "results/saved.py": "files are saved by the command line",
     "show/html.py": "names of CSS",
-    "text.py": "the spelling itself",
-    "campaign/gate/judge.py": "arguments of the command that a gate proposes",
+    "quoting.py": "the spelling itself",
+    "campaign/gate/judge_pairs.py": "arguments of the command that a gate proposes",
     "campaign/gate/options.py": "help",
 }
 """Files in whose texts there are options, and why."""

@@ -8,16 +8,16 @@ import copy
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from answer import Invoke
+from examples import examples
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-
-Invoke = Callable[..., Any]
 
 ROWS = [(name, t, x, 0, name * 2) for name, x in (("a", 0), ("b", 9)) for t in range(3)]
 TRUTH = "id,t,x,y,class\n" + "".join(f"{i},{t},{x + t},{y},{c}\n" for i, t, x, y, c in ROWS)
@@ -170,7 +170,7 @@ def documents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", READERS)
 @settings(
-    max_examples=settings().max_examples // 4,  # each is a command, or several of a store
+    max_examples=examples(5),  # each is a command, or several of a store
     suppress_health_check=list(HealthCheck),
     phases=[Phase.explicit, Phase.generate],  # a smaller example would take minutes
 )

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from by_hand import N, tracks
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import tgospa_lp
@@ -50,7 +51,7 @@ def test_quasi_metric(
     assert result.parameters["rho"] == rho
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(sides=pairs_of_sets(), p=ORDERS, rho=RHO, false=st.sampled_from([0.5, 5, 50]))
 def test_similarity(
     sides: tuple[np.ndarray, np.ndarray], p: float, rho: float, false: float
@@ -132,7 +133,7 @@ def test_distances_are_those_of_the_states_whatever_a_step_counts() -> None:
     assert result.assignments.cost.tolist() == pytest.approx([1, 40, 900])
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO, data=st.data())
 def test_against_programmes_of_the_definition(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float, data: st.DataObject
@@ -161,7 +162,7 @@ def test_against_programmes_of_the_definition(
     )
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO)
 def test_one_solution_serves_every_rho(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float
@@ -227,7 +228,7 @@ def test_scenario_of_the_authors() -> None:
     assert parts == pytest.approx((3.8128809564, 1.8225992030, 1.8225992030, 0), abs=1e-9)
 
 
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 @given(three=st.integers(1, 4).flatmap(lambda steps: st.tuples(*[sets(steps, 1)] * 3)), p=ORDERS,
        gamma=SWITCH, rho=RHO, data=st.data())  # fmt: skip
 def test_axioms_with_weights_and_prices(

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from by_hand import N, tracks
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import dense_costs, programme
@@ -100,7 +101,7 @@ def costs_of(x: np.ndarray, y: np.ndarray, r: np.ndarray, s: np.ndarray, p: floa
     return costs
 
 
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, weighted=st.booleans(), data=st.data())
 def test_against_programmes_of_the_definition(
     sides: tuple[np.ndarray, np.ndarray],
@@ -136,7 +137,7 @@ def test_against_programmes_of_the_definition(
         assert at.tgospa**p * at.steps == pytest.approx(before, rel=1e-6, abs=1e-6)
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, share=st.sampled_from([0.3, 0.8, 1.0]))
 def test_reductions(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, share: float
@@ -154,7 +155,7 @@ def test_reductions(
         assert np.array_equal(found.proof.prices, plain.proof.prices)
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(three=st.integers(1, 4).flatmap(lambda steps: st.tuples(*[sets(steps, 1)] * 3)), p=ORDERS,
        gamma=st.sampled_from([0.05, 0.5, 3.0]), data=st.data())  # fmt: skip
 def test_metric(three: tuple[np.ndarray, ...], p: float, gamma: float, data: st.DataObject) -> None:

@@ -30,8 +30,8 @@ from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
+from tgospa_eval.quoting import option
 from tgospa_eval.simulation.settings import DEFAULT_ERRORS, default_tracker
-from tgospa_eval.text import option
 
 TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
 METRIC = ("-c", "10", "-g", "5")
@@ -67,7 +67,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], grid="both")
     with pytest.raises(ConfigError, match="region is 3: must be a text"):
         evaluate([], [], region=3)
-    with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
+    with pytest.raises(ConfigError, match="time is for files and tables, and truth is neither"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
     with pytest.raises(ConfigError, match='with_ evaluates all classes together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
@@ -80,7 +80,7 @@ def test_every_option_is_a_keyword() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"columns": "x"}, "columns is for files and tables, and truth is none"),
+        ({"columns": "x"}, "columns is for files and tables, and truth is neither"),
         ({"decimal": ","}, "decimal is for files and tables"),
         ({"estimate_columns": "x"}, "estimate_columns is for files and tables, and estimate is"),
         ({"solver": Certified(), "gap": 0.1}, "gap is for a solver given by name"),
@@ -254,7 +254,7 @@ def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
     files = [os.path.join(folder, name) for name in ("truth.csv", "estimate.csv")]
     made = simulate(targets=4, seed=3)
     assert evaluate(*made, **GIVEN).total == pytest.approx(evaluate(*files, **GIVEN).total)
-    with pytest.raises(ConfigError, match="no error of a tracker 'noize'; there are noise, "):
+    with pytest.raises(ConfigError, match="'noize' is not an error of a tracker; use noise, "):
         simulate(noize=1.0)
 
 

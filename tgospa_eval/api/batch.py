@@ -46,12 +46,12 @@ from tgospa_eval.formats import ROLES, runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.options import parse_time_range
+from tgospa_eval.quoting import as_unicode, listed, option, quoted
 from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
-from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.study_table import checked_columns
-from tgospa_eval.text import as_unicode, listed, option, quoted
+from tgospa_eval.show.table_text import csv_text
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from tgospa_eval.api.report import Drawing
     from tgospa_eval.formats.objects import Components, Runs
     from tgospa_eval.show.batch import BandKind
-    from tgospa_eval.show.charts import Pictures
+    from tgospa_eval.show.chart_list import Pictures
 
 IN_MEMORY = "in memory"
 """Text that a store keeps in place of a path."""
@@ -77,8 +77,8 @@ DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that say which steps count, in place of what a benchmark declares."""
 
 FLUSH, SHARE = 2.0, 0.01
-"""Seconds, and share of the time so far, after which rows are written: so much work a killed
-process loses at most."""
+"""Seconds, or share of the time so far if that is longer, after which rows are written. A killed
+process loses no more work than that."""
 
 MAX_PENDING_STEPS = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
@@ -476,7 +476,7 @@ def _within(job: Job, time: str | None) -> Job:
     Raises
     ------
     ConfigError
-        The range of time is none of frames.
+        The range of time does not have frame numbers.
     """
     period = parse_time_range(time)
     if job.frames is None or period is None:
@@ -529,7 +529,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """Yield the jobs with their own options and their keys; they share equal values."""
+    """Yield the jobs with their options and keys; jobs without own options share one record."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)
@@ -571,7 +571,7 @@ def _left_over(
 ) -> Iterator[batch_row.JobTask]:
     """Yield what is not done, and what lacks something that is requested beside its row.
 
-    A task that is done again keeps the steps that its row has: a new one takes its place.
+    A task that is done again also stores the steps of its old row, which its new row replaces.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -650,11 +650,11 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
     Parameters
     ----------
     rows : DataFrame
-        What is stored of the jobs.
+        Stored rows of the jobs.
     faults : sequence of Row
-        Those of this run that failed: a row that was done before stays so.
+        Jobs that failed in this run; the store may have an older row of them.
     written : bool
-        Whether folders were asked for.
+        Whether result folders were requested.
     """
     if not len(rows):
         return
@@ -757,6 +757,6 @@ def batch_files(
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.show.charts import pictures  # lazy: it draws
+    from tgospa_eval.show.chart_list import pictures  # lazy: it draws
 
     return files | pictures("batch", tables, wanted, notify)

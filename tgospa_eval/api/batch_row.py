@@ -1,4 +1,4 @@
-"""Work of a worker process: one job, from its files to a row, of a store or for a gate."""
+"""Work of a worker process: one job, from its files to a row of a store or of a gate."""
 
 import hashlib
 import json
@@ -27,54 +27,54 @@ from tgospa_eval.engines import Processes, spread
 from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
+from tgospa_eval.quoting import as_unicode, option
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
-from tgospa_eval.text import as_unicode, option
 
 SMALL = 1 << 20
-"""Bytes of a file that are read at once for its digest."""
+"""Largest size of a file that is read at once for its digest."""
 
 NOT_WRITTEN = "not_written"
-"""Column of rows whose folder could not be written: why. The next run tries it again."""
+"""Column with the reason why a folder could not be written; the next run tries again."""
 
 UNSEEN = "unseen"
-"""Field of a row with the file that its worker did not see, for the process that reports it."""
+"""Field of a row with a file that its worker did not see, for the report of the main process."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
-"""Options that may name a file; their order is that of the digest of a job."""
+"""Options that may name a file, in the order of the digest of a job."""
 
 
 Work = Callable[[], Evaluation]
 Run = Callable[[Work, Stopwatch], Evaluation]
-"""Runs the work of one job; the command line shows how far it is, and lets Ctrl-C stop it."""
+"""Function that runs the work of a job; the command line adds progress and Ctrl-C."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JobTask:
-    """A job with everything that a worker needs.
+    """Job with all data that a worker needs.
 
     Parameters
     ----------
     job : Job
         Paths and labels.
     options : Request
-        Those of the batch with those of the job.
+        Options of the batch and of the job.
     key : str
-        Of the row.
+        Key of the row.
     folder : str, optional
-        Where to write the result folder of the job.
+        Result folder of the job.
     proof : bool
-        Whether with its proof.
+        Whether to write the proof.
     per_step : bool
-        Whether the costs of its steps are stored.
+        Whether to store the costs of its steps.
     base, store : str
-        Where relative paths begin, for a worker that was not started there, and the settings of
-        the batch, which it sees if it shares its folder.
+        Folder of relative paths, and the settings of the batch, which a worker sees only if it
+        shares the file system.
     settings_file : SettingsFile, optional
-        The configuration file that set options of the batch.
+        Configuration file that set options of the batch.
     for_gate : bool
-        Whether it is for a gate, whose rows have the names of pairs as keys.
+        Whether the job is for a gate, whose rows have the names of pairs as keys.
     page, quiet, verbose : bool
-        Of a gate, whether a page is made, and which lines there are for the user.
+        For a gate, whether to make a page, and which lines to print.
     """
 
     job: Job
@@ -93,7 +93,7 @@ class JobTask:
 
     @property
     def is_written(self) -> bool:
-        """True if the requested folder is there."""
+        """True if the requested folder exists."""
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
@@ -101,18 +101,18 @@ class JobTask:
 def key_of(
     job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
 ) -> str:
-    """Return a digest of what makes the row: its files, labels, options and the schema of a result.
+    """Return a digest of files, labels, options and schema, which determine the row.
 
     Parameters
     ----------
     job : Job
         Paths and labels.
     given : str
-        Its options, as `given_text` has them.
+        Options of the job, from `given_text`.
     files : iterable of str
-        What is read.
+        Files that are read.
     digest : callable, optional
-        That of a file; `digest_of`, or one that reads a file of many jobs once.
+        Digest of a file: `digest_of`, or a function that reads the file of many jobs once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
@@ -125,9 +125,9 @@ def key_of(
 
 
 def digest_of(path: str) -> bytes:
-    """Return a digest of the bytes of a file, or of those of a folder that are read.
+    """Return a digest of the bytes of a file, or of the files of a folder.
 
-    What cannot be read counts as nothing; the job will say so.
+    Unreadable files count as empty; the job reports them.
     """
     files = files_at(path)
     if files != [path]:
@@ -146,7 +146,7 @@ def given_text(options: Request) -> str:
 
 
 def files_of(job: Job, options: Request) -> tuple[str, ...]:
-    """Return the files that a job reads; a word in place of a name is a file that is not there."""
+    """Return the files that a job reads; a word instead of a name counts as a missing file."""
     named = (getattr(options, name) for name in NAMING_FILES)
     return (*job.files, *filter(None, named))
 
@@ -156,8 +156,8 @@ def evaluate_job(
 ) -> Row:
     """Return the row of a job; a wrong file or a failed solver makes a row with its message.
 
-    That of a gate has the error itself as well, its page, and the lines for the user unless `say`
-    gets them at once.
+    The row of a gate also has the error, the page, and the lines for the user unless `say` receives
+    them at once.
     """
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # lazy: the parent does without
     from tgospa_eval.api.resolve import resolve_request
@@ -202,12 +202,12 @@ def evaluate_job(
 
 
 def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """Return what a store has of a result beside the row for a gate.
+    """Return the additional columns of a stored row.
 
     Raises
     ------
     InputError
-        A file changed.
+        A file changed while it was read.
     """
     result = replace(result, settings_file=task.settings_file)
     files = files_of(here.job, here.options)
@@ -222,7 +222,7 @@ def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
 
 
 def _gate_row(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """Make the page of a pair of a gate, if requested; its proof is written."""
+    """Make the page of a pair of a gate, if requested, and write its proof."""
     if here.folder is not None:
         from tgospa_eval.show.files import PROOF, proof_files, write_texts  # lazy: few ask for it
 
@@ -257,7 +257,7 @@ def _on_this_worker(task: JobTask) -> JobTask:
 
 
 def _unseen(requested: JobTask, here: JobTask) -> Row | None:
-    """Describe a file that a worker of a cluster does not see; None if all are there."""
+    """Describe a file that a worker of a cluster does not see; None if it sees all."""
     if not requested.base:
         return None
     needed = [(*map(file_of, task.job.files), task.store) for task in (requested, here)]
@@ -269,14 +269,14 @@ def _unseen(requested: JobTask, here: JobTask) -> Row | None:
 
 
 def lost_job(task: JobTask) -> Row:
-    """Return the row of a job whose process died, also when nothing else was worked on."""
+    """Return the row of a job whose process died although no other job was running."""
     error = SolverError("its process died")
     row = {"status": "failed", "message": str(error), "error": error, "lines": ()}
     return finished_row(task, row, 0.0)
 
 
 def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
-    """Add what every row has; in a store with texts as Parquet takes them."""
+    """Add the columns of every row; a store gets texts that Parquet supports."""
     whole = {
         "key": task.key,
         **{f"label.{name}": value for name, value in task.job.labels.items()},
@@ -298,9 +298,9 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
 
 
 def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
-    """Write the result folder, without pictures; what the row says where that is not possible.
+    """Write the result folder without pictures; return columns with the reason if that fails.
 
-    A full disk, or what is in the way of a folder, takes nothing from the number.
+    A full disk or an obstacle to the folder does not change the number.
     """
     if folder is None:
         return {}
@@ -336,9 +336,9 @@ SHOWN = 10.0
 def gate_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
 ) -> Iterator[Row]:
-    """Yield rows as they are ready: of this process at first, and of several if that takes long.
+    """Yield rows as they are ready, from this process, and from several if the work takes long.
 
-    `notify` gets lines, each with the name of its job.
+    `notify` receives lines, each with the name of its job.
     """
     begin = shown = time.monotonic()
     done = 0

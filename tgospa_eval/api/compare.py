@@ -36,6 +36,7 @@ from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import Runs, TrajectoriesLike, is_path, runs_of
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Columns, Json
 from tgospa_eval.results.saved import (
@@ -48,7 +49,6 @@ from tgospa_eval.results.saved import (
 from tgospa_eval.show.comparison import COLUMNS, pairs_columns, render
 from tgospa_eval.show.study_table import checked_columns
 from tgospa_eval.solvers import SOLVERS, Solver, as_solver
-from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.coverage import refuse_own_marks
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from tgospa_eval.distances.base import Fault
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.headers import BOX, parse_columns
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import PLACES
 
 if TYPE_CHECKING:

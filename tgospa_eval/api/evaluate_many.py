@@ -26,8 +26,8 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.engines import Processes, spread
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.joined import JoinedPairs, can_be_joined, is_like
+from tgospa_eval.quoting import listed, quoted
 from tgospa_eval.results.records import Costs
-from tgospa_eval.text import listed, quoted
 
 if TYPE_CHECKING:
     from typing import Unpack

@@ -13,7 +13,7 @@ from tgospa_eval.api.batch_row import JobTask, Run, gate_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, each, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, OPTION_SPECS, Request, typed
-from tgospa_eval.campaign.gate import judge
+from tgospa_eval.campaign.gate import judge_pairs
 from tgospa_eval.campaign.gate.baseline import (
     CHANGED,
     Baseline,
@@ -41,10 +41,10 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.objects import TrajectoriesLike
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
-from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -102,7 +102,7 @@ def judge_all(
     TgospaError
         Nothing can be judged.
     """
-    judge.check_junit(gate, truth, estimate)
+    judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
         return _judge_store(gate, truth, estimate)
     if gate.against is not None and gate.update_baseline:
@@ -114,7 +114,7 @@ def judge_all(
     if truth is not None:
         gate = replace(gate, suite=None)
     for pair in pairs:
-        judge.check_junit(gate, pair.truth, pair.estimate, named)
+        judge_pairs.check_junit(gate, pair.truth, pair.estimate, named)
     path = (gate.baseline if gate.strong("baseline") or not named else named) or ""
     if target is None:
         old = load_baseline(path, gate.renewed) if path else None
@@ -122,8 +122,8 @@ def judge_all(
         old = parse(target.demand(path), target.name(path)) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
     if gate.newer_than is not None:
-        pairs = [*judge.with_stale(pairs, gate.newer_than)]
-    report = judge.judge_pairs(
+        pairs = [*judge_pairs.with_stale(pairs, gate.newer_than)]
+    report = judge_pairs.judge_pairs(
         gate,
         pairs,
         groups,
@@ -154,7 +154,7 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
         for name, (row, _) in table.items()
     ]
     old = load_baseline(path) if path else None
-    return judge.judge_pairs(
+    return judge_pairs.judge_pairs(
         gate, pairs, [], path, old, lambda pairs, _: (table[pair.name] for pair in pairs), folder
     )
 
@@ -233,7 +233,7 @@ def _with_faults(
     path: str,
 ) -> Iterator[Job]:
     """Yield the pairs; those whose files are not the target's have a fault, or are new."""
-    known, tables = old or {}, judge.tables_of(gate, pairs, groups)
+    known, tables = old or {}, judge_pairs.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
 
     def scene(labels: Mapping[str, str]) -> set[tuple[str, str]]:
@@ -289,7 +289,7 @@ def _evaluated(
     groups: Sequence[GroupTable],
     notify: Callable[[str], None],
     run: Run | None,
-) -> Iterator[judge.Evaluated]:
+) -> Iterator[judge_pairs.Evaluated]:
     """Yield pairs of files, read and evaluated, by processes where that takes long."""
     given: dict[str, dict[str, object]] = {}
     tasks: list[JobTask] = []
@@ -342,7 +342,7 @@ def _task(
 ) -> JobTask:
     """Return the task of a pair with these options."""
     rules = [
-        *judge.rules_of(gate, pair, default=False),
+        *judge_pairs.rules_of(gate, pair, default=False),
         *(rule for table in groups for rule in table.rules),
     ]
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
@@ -439,7 +439,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     return second, first
 
 
-def _stored(folder: str, path: str) -> dict[str, judge.Evaluated]:
+def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     """Return the rows of a store, and their options as a baseline at this path records them.
 
     They are by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
@@ -458,7 +458,7 @@ def _stored(folder: str, path: str) -> dict[str, judge.Evaluated]:
         file = os.path.join(folder, SETTINGS_FILE)
         raise InputError(f"{file}: options.{unknown}: is not an option; run batch again")
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
-    rows: dict[str, judge.Evaluated] = {}
+    rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):
         name, row = job_name(values), {str(column): value for column, value in values.items()}
         if name in rows:
@@ -648,7 +648,7 @@ def _gate_of_pair(
     pair = Job(
         name=ONLY_PAIR, truth=_display_name(truth, "truth"), estimate=_display_name(estimate, "")
     )
-    judge.rules_of(judge_by, pair)  # wrong rules are errors before any work
+    judge_pairs.rules_of(judge_by, pair)  # wrong rules are errors before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
@@ -660,7 +660,7 @@ def _gate_of_pair(
         **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
         **_chosen_by_data(row),
     }
-    report = judge.judge_pairs(
+    report = judge_pairs.judge_pairs(
         judge_by, [pair], [], path, old, lambda pairs, _: ((row, recorded) for _ in pairs), ""
     )
     return GateResult(report=report, result=result)
@@ -670,7 +670,7 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
     """Judge a suite by options that are texts and numbers, as those of a batch."""
     given = {name: value for name, value in options.items() if value is not None}
     values = typed({OPTION_SPECS[name].key: value for name, value in given.items()}, "gate")
-    named = ("baseline", "suite", *judge.RULE_PARAMETERS.values())
+    named = ("baseline", "suite", *judge_pairs.RULE_PARAMETERS.values())
     chosen = {name for name in named if getattr(judge_by, name)}
     sources = dict.fromkeys({*chosen, *given}, "commandline")
     judge_by = replace(judge_by, evaluation=values, sources=sources)

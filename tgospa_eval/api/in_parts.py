@@ -1,6 +1,7 @@
 """Data in parts: folders of tables, and files that do not fit into memory.
 
-Finds out whether data are such, refuses options that need all data at once, and evaluates.
+This module decides whether data are read in parts, refuses options that need all data at once, and
+evaluates.
 """
 
 import csv
@@ -31,14 +32,14 @@ from tgospa_eval.formats.fields import floats, parse_times
 from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX, folder_format, is_table_folder
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.objects import is_path
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
-"""Bytes of files that fit anywhere, unless a limit is given."""
+"""Bytes of files that fit into any memory, unless a limit is given."""
 
 IN_PARTS = ("csv", "parquet")
 """Formats of files that can be read in parts."""
@@ -47,14 +48,14 @@ TIP = 1 << 16
 """Bytes at the begin and the end of a file from which its header and times are read."""
 
 UNKNOWN_MEMORY = 2 * 10**9
-"""Bytes that an evaluation may take where the system does not say how much memory there is."""
+"""Default limit of memory if the memory of the machine is unknown."""
 
 Moment: TypeAlias = tuple[str, float]
-"""The clock of a time, and the time."""
+"""Clock of a time, and the time."""
 
 
 def memory_of(limit: int | None) -> int | None:
-    """Return the bytes that an evaluation may take, or None if the system does not say."""
+    """Return the limit of memory of an evaluation, or None if it is unknown."""
     if limit is not None:
         return limit
     whole = machine_memory()
@@ -66,12 +67,12 @@ def parts_in_words(
 ) -> str | None:
     """Return the reason for reading two sides in parts, or None if they are read at once.
 
-    `pictures` says that pictures are made.
+    `pictures` says whether pictures are made.
 
     Raises
     ------
     MemoryTooSmallError
-        They take more than the limit, and are of a format that is read at once.
+        The sides take more than the limit, and their format cannot be read in parts.
     """
     folders = [path for path in paths if os.path.isdir(path)]
     if folders:
@@ -122,7 +123,7 @@ def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] =
     why : str
         Why the data are read in parts.
     further : iterable of pair of str
-        Further options that need all data in memory, and what to do instead.
+        Further options that need all data in memory, with their replacements.
 
     Raises
     ------
@@ -170,20 +171,20 @@ def evaluate_in_parts(
     paths : pair of str
         Truth and estimate.
     options, resolved : Request, ResolvedRequest
-        The options, checked by `check_parts`, and what is made of them.
+        Options that `check_parts` has accepted, and the records made from them.
     work : Path
         Folder for intermediate data and the tables of the result.
     stopwatch : Stopwatch
         Running clock.
     kept : bool
-        Whether the folder outlives the run: only then is there a table of assigned pairs.
+        Whether the folder is kept after the run; only then it gets a table of assigned pairs.
     pictures : bool
         Whether pictures are made of the result.
 
     Raises
     ------
     TgospaError
-        Something is wrong with options or data.
+        An option or the data are wrong.
     """
     from tgospa_eval.engines import engine_of  # lazy: few need it
     from tgospa_eval.partitioned.evaluate import evaluate_partitioned
@@ -226,7 +227,7 @@ def in_parts_if_large(
     Raises
     ------
     ConfigError
-        An option is not for such data, or for such alone.
+        Data in parts do not support an option, or an option needs data in parts.
     """
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)
@@ -249,8 +250,8 @@ def in_parts_if_large(
 def is_recording(folder: str, columns: str) -> bool:
     """Return whether the tables of a folder are parts of one recording.
 
-    Parquet files are. CSV files are if there are several, with the same header, one after the
-    other in time.
+    Parquet files are parts. CSV files are parts if there are several with the same header whose
+    ranges of time do not overlap.
     """
     if is_table_folder(folder):
         return False
@@ -294,7 +295,7 @@ def _header_and_span(
     Raises
     ------
     ValueError, LookupError, InputError
-        There is no header, or no column of time, or a row is too short or has no time.
+        The header or the column of time is missing, or a row is too short or lacks a time.
     """
     with open(path, "rb") as file:
         begin = file.read(TIP)

@@ -1,4 +1,4 @@
-"""The options of a request as keywords of Python."""
+"""Options of a request as keywords of Python functions."""
 
 import functools
 import inspect
@@ -12,13 +12,13 @@ from typing import Any, ParamSpec, TypeVar, get_args
 from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, Request
 from tgospa_eval.common.config import OptionSpec
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 OF_THE_COMMAND = ("memory", "scheduler", "explain")
-"""Fields of a request that are not for Python: results explain themselves."""
+"""Fields of a request without a keyword in Python."""
 
 KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
 """Names of fields by those of their options."""
@@ -38,18 +38,18 @@ IN_OBJECTS = {
     **dict.fromkeys(("columns", "truth_columns", "estimate_columns"), "a sequence of names"),
     **dict.fromkeys(("class_", "truth_class", "estimate_class", "with_"), "a sequence of names"),
 }
-"""Texts of the command line that Python may give as something else, too."""
+"""Options that Python may also give as objects."""
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Return names of the keywords of a function that does without some."""
+    """Return the keywords of a function without some options."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
 def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Let a function take every option of an evaluation as a keyword, but for some.
+    """Let a function take the options of an evaluation, except some, as keywords.
 
-    Its last parameter is ``**options``. Signature and docstring have them by name.
+    The last parameter of the function is ``**options``; signature and docstring get the options.
     """
     names = taken(without)
 
@@ -83,7 +83,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
     Raises
     ------
     TypeError
-        It has not.
+        A keyword is unknown.
     """
     there = list(known)
     for name in given:
@@ -97,7 +97,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
 
 
 def _keyword_of(name: str) -> str | None:
-    """Return the keyword of a letter or another name of an option: gamma is `switch_penalty`."""
+    """Return the keyword for another name of an option: gamma is `switch_penalty`."""
     for field, about in OPTION_SPECS.items():
         if name.replace("_", "-") in re.findall(r"-([\w-]+)", about.declaration.replace("--", "-")):
             return field
@@ -105,7 +105,7 @@ def _keyword_of(name: str) -> str | None:
 
 
 def _documented(doc: str, names: Iterable[str]) -> str:
-    """Return a docstring with the options before what is returned."""
+    """Return a docstring with the options at the end of its parameters."""
     lines = ["Other Parameters", "----------------"]
     for name in names:
         about = OPTION_SPECS[name]
@@ -138,7 +138,7 @@ def requested(values: Mapping[str, object]) -> Request:
     Raises
     ------
     ConfigError
-        A value is of the wrong type, or none of those there are.
+        A value is of the wrong type, or is not allowed.
     """
     return Request(**{name: _value(name, value) for name, value in values.items()})
 
@@ -147,7 +147,7 @@ KINDS = {float: "a number", int: "a whole number", bool: "True or False"}
 
 
 def _value(name: str, value: object) -> Any:
-    """Return a keyword as a request has it."""
+    """Return the value of a keyword for a request."""
     if name not in OPTION_SPECS or value is None:
         return value
     about, option = OPTION_SPECS[name], name.rstrip("_")
@@ -175,7 +175,7 @@ def _value(name: str, value: object) -> Any:
 
 
 def _names(name: str, value: object) -> str | tuple[str, ...]:
-    """Return several texts, or what the command line takes for such."""
+    """Return several texts, or a text with commas."""
     if isinstance(value, str):
         return (value,) if DEFAULTS[name] == () else value
     texts = tuple(value) if isinstance(value, Iterable) else (value,)

@@ -1,4 +1,4 @@
-"""Notices about files, the choice of options, and the end of a solver."""
+"""Notices about files, defaults, and the status of a solver."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,17 +17,17 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
+from tgospa_eval.quoting import option
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.text import option
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
-"""Relative gap below which the outward rounding of the bounds may keep them apart."""
+"""Smallest relative gap; outward rounding may separate closer bounds."""
 
 
 def slow_notice() -> Iterator[Notice]:
-    """Yield a notice where the kernels were not built."""
+    """Yield a notice if the kernels are not compiled."""
     if KERNEL == "numpy":
         yield Notice(
             text="no compiled kernels, slower: installing with a C compiler at hand builds them"
@@ -43,7 +43,7 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
 
 
 def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
-    """Warn if two files have the same states, which no tracker has."""
+    """Warn if two files have the same states, which a tracker never has."""
     if (
         len(truth.step) == len(estimate.step) > 1
         and np.array_equal(truth.track, estimate.track)
@@ -71,11 +71,11 @@ def pair_notices(
     Parameters
     ----------
     given, names, files : pairs
-        Both sides, what messages call them, and how they were read.
+        Both sides, their names in messages, and how they were read.
     sides, request : AlignedPair, EvaluationRequest
-        The same, aligned, and what is asked of them.
+        Both sides on one time grid, and the request.
     sound : bool
-        Whether it is known that nothing is wrong with clocks and states.
+        Whether clocks and states were checked before.
     """
     for name, side in zip(names, files, strict=True):
         yield from about(name, side)
@@ -114,7 +114,7 @@ def pair_notices(
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """Explain states without covariance; the two: whether a side has none."""
+    """Explain states without covariance; the arguments say whether each side has covariances."""
     if truth and estimate:
         yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
     elif truth:
@@ -125,7 +125,7 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 
 
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
-    """Yield the defaults in use, once for all jobs, in the words of a single evaluation."""
+    """Yield notices of the defaults in use, once for all jobs."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
@@ -143,7 +143,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield the course of the run, if that is requested, and where the accuracy is not reached."""
+    """Yield the progress of the run, if requested, and where the accuracy was not reached."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:
@@ -151,7 +151,7 @@ def about_run(
 
 
 def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]:
-    """Yield where the requested accuracy is not reached."""
+    """Yield notices of values without the requested accuracy."""
     if result.certified:
         requested = (
             (result.curve_bounds, "step", " of the curve"),

@@ -1,6 +1,6 @@
-"""Everything that is asked of an evaluation: one record, from which options and lists are made.
+"""Record of all options of an evaluation, from which options and lists are made.
 
-Imports nothing heavy: the command line needs it for its help.
+It imports nothing heavy, because the command line needs it for its help.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import FORMATS
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.show.batch import BandKind
@@ -56,7 +56,7 @@ _beside = partial(_output, number=False, everywhere=False, stored=False)
 def _one_side(
     declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
 ) -> Any:
-    """Return an option of one side, as that of both, or of the estimate as that of the truth."""
+    """Return an option of one side, declared like that of both sides or of the truth."""
     side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
     text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
     return declare(declaration, text, **about)
@@ -64,9 +64,9 @@ def _one_side(
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
-    """Request for an evaluation; None where nothing was given.
+    """Request for an evaluation; None for options that were not given.
 
-    The help of a field is that of its option. `pairwise` lets a distance take the covariances of
+    The help of an option describes its field. `pairwise` lets a distance use the covariances of
     each pair; `sides` are the two files as options name them; `summed` says that slices are added
     to those of other evaluations.
     """
@@ -119,7 +119,7 @@ class Request(Values):
         "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles, with a column "
         "weight), or, on projections of these, sliced-wasserstein and max-sliced-wasserstein.",
         choices=DISTANCES,
-        shown="euclidean; none of lat,lon",
+        shown="euclidean; lat,lon need a choice",
     )
     covariance: str | None = _metric(
         "--covariance FILE",
@@ -218,8 +218,9 @@ class Request(Values):
     )
     max_gap: str | None = _files(
         "--max-gap DT[,DT]",
-        "The longest time between two states of a track to interpolate across. With --resample "
-        "200s,10s the second is the longest between two reports of an estimate that are one run.",
+        "The longest time between two states of a track to interpolate across. With --resample a "
+        "second value, as in 200s,10s, is the longest time between two consecutive reports of an "
+        "estimate.",
     )
     resample: str | None = _files(
         "--resample S",
@@ -238,14 +239,14 @@ class Request(Values):
         "--steps FIRST:LAST[:EVERY]",
         "Exactly these steps are evaluated, and values per step divide by their number; empty ones "
         "cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left out.",
-        shown="the times of either file; per step of the truth's",
+        shown="the times of both files; values per step divide by the number of times of the truth",
     )
     outage: str | None = _files(
         "--outage DT",
         "With --interpolate truth, --grid estimate and common: where the estimate has no state "
         "within c of a truth for longer than this, the truth's own times are steps, and what is "
         "there is missed. none says that the tracker reports only when it sees something.",
-        shown="five times the median of such intervals",
+        shown="five times the median time between states of the estimate near a truth",
     )
     time_offset: str = _files(
         "--time-offset DT",
@@ -260,8 +261,8 @@ class Request(Values):
     )
     unit_scale: float = _files(
         "--unit-scale FACTOR",
-        "The state columns of ESTIMATE, with covariances and particles, are multiplied by this, "
-        "but for --periodic ones: 1000 makes metres of kilometres.",
+        "The state columns of ESTIMATE, except --periodic ones, are multiplied by this, with "
+        "covariances and particles. 1000 turns kilometres into metres.",
         default=1.0,
     )
     truth_crs: str | None = _files(
@@ -269,7 +270,7 @@ class Request(Values):
         "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
         "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
         "clockwise; range,bearing[,elevation] of a sensor at --origin; a projected system, "
-        "EPSG:25832. Both files are brought to one: local axes where one has such.",
+        "EPSG:25832. Both files are converted to one system: to local axes if either has them.",
         shown="lat,lon where the other file has one",
         parts=FITTING,
     )
@@ -378,15 +379,15 @@ class Request(Values):
     )
     ignore_regions: str | None = _track_filters(
         "--ignore-regions FILE",
-        "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
+        "Regions in which a false estimate costs nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
     )
     max_speed: float | None = _track_filters(
         "--max-speed V",
         "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
-        "units per second. What is within c, and V times the time to the nearer end, is not "
-        "judged.",
+        "units per second. An estimate nearer to the line than c + V times the time to the nearer "
+        "end of the gap is not judged.",
         shown="0",
     )
     unit: str | None = _output(
@@ -481,7 +482,7 @@ class Request(Values):
         "--directions N",
         "Number of projections, of the sliced distances and of sliced and recursive.",
         low=1,
-        shown="32; 24 each from 3-D on",
+        shown="32 in 2-D; 24 for each dimension from 3-D on",
         methods=ITERATED[:2],
     )
     iterations: int | None = _particles(
@@ -547,7 +548,8 @@ class Request(Values):
         "--slice NAME[=EDGES]",
         "Split costs by an attribute of truth and estimate at each step: a column (class, "
         "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, "
-        "region=x=-50:50; visibility=weight for shares; two crossed with *. Repeatable.",
+        "region=x=-50:50; NAME=weight splits each cost by the value of NAME, a share from 0 to 1; "
+        "A*B combines two attributes. Repeatable.",
         default=(),
         parts=FITTING,
     )
@@ -564,7 +566,8 @@ class Request(Values):
     )
     every: str | None = _beside(
         "--every S",
-        "From one window to the next: steps, or a time as W is; at most W.",
+        "Distance from the begin of one window to the next, at most W: steps, or a time if W is a "
+        "time.",
         shown="half of W",
     )
     similarity: float | None = _beside(
@@ -591,7 +594,7 @@ class Request(Values):
 
     @property
     def given(self) -> dict[str, object]:
-        """Options that change the number or its bracket, and are no defaults."""
+        """Options that change the number or its bracket, without defaults."""
         return {
             name: getattr(self, name)
             for name, default in OF_THE_NUMBER.items()
@@ -600,7 +603,7 @@ class Request(Values):
 
 
 def is_coverage(region: str | None) -> bool:
-    """Return whether a region is a circle or a file, and not ranges of columns."""
+    """Return whether a region is a circle or a file, instead of ranges of columns."""
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
@@ -617,17 +620,17 @@ OPTION_SPECS = Request.settings()
 """Specifications of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Names of the options that all verbs have, by their names in a settings file."""
+"""Fields of the options that all verbs have, by their names in a settings file."""
 
 OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Names of the options that `evaluate` alone has."""
+"""Fields of the options that only `evaluate` has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
 
 FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
-"""Settings that all verbs have: whether each is a flag."""
+"""Settings of all verbs, and whether each is a flag."""
 
 PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
     int: (parsed_whole, "whole number; write it as 10"),
@@ -636,12 +639,12 @@ PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
 
 
 def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
-    """Convert settings of a file by their names to values of fields; `where` begins messages.
+    """Convert settings of a file to values of fields; `where` begins messages.
 
     Raises
     ------
     ConfigError
-        A setting is unknown, or its value has no meaning.
+        A setting is unknown, or its value is wrong.
     """
     values = config.settings_of(settings, where, FLAGS)
     return {NAMES[key]: _typed(NAMES[key], value, where, key) for key, value in values.items()}
@@ -684,7 +687,7 @@ _batch = partial(setting, "Batch", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions(Values):
-    """Jobs of a batch, and how to spread and tabulate them."""
+    """Options of the jobs of a batch, their distribution and their tables."""
 
     truth: str | None = _batch(
         "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"

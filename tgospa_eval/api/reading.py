@@ -1,4 +1,4 @@
-"""Both sides of a request as they can be compared, and on the same steps."""
+"""Reading of both sides of a request, in the same units and on the same steps."""
 
 import os
 import re
@@ -21,7 +21,7 @@ from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
-from tgospa_eval.text import listed, option
+from tgospa_eval.quoting import listed, option
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
@@ -35,26 +35,26 @@ ASIDE = {"det", "img1", "seqmaps"}
 """Folders of MOTChallenge without tracks."""
 
 DEEP = 4
-"""Folders are looked into so far: train/MOT17-02/gt/gt.txt."""
+"""Depth of the search in folders: train/MOT17-02/gt/gt.txt."""
 
 MAX_FILES = 10_000
-"""Files that are looked at."""
+"""Largest number of files in a search."""
 
 FILES_SHOWN = 3
 SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""Message about a folder or a pattern; the folder, and the files below it that it stands for."""
+"""Message about a folder or a pattern; the folder, and the matching files below it."""
 
 
 def check_places(paths: Sequence[str]) -> None:
-    """Check that these can be files: the truth, and the estimate if there is one.
+    """Check that the truth, and the estimate if there is one, can be files.
 
     Raises
     ------
     InputError
-        One is a folder or a pattern; the message has what to type.
+        A path is a folder or a pattern; the message has a command to type.
     """
     places = [find_place(path) for path in paths]
     if any(places):
@@ -67,7 +67,7 @@ def check_places(paths: Sequence[str]) -> None:
 
 
 def find_place(path: str) -> Place | None:
-    """Return what is at a path, unless it is a file or nothing."""
+    """Return the folder or pattern at a path; None for a file or a missing path."""
     if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "it has no tables"
@@ -93,7 +93,7 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Yield tables, and folders that are one side, below a folder, by their paths from there."""
+    """Yield tables, and folders that are one side, by their relative paths below a folder."""
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -114,7 +114,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """Yield advice on what to type."""
+    """Yield commands to type."""
     shapes = [
         _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
@@ -160,7 +160,7 @@ def _type(truth: str, estimate: str) -> str:
 
 
 def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
-    """Yield the commands for all sequences; `{}` stands for the name in the two paths."""
+    """Yield the commands for all sequences; `{}` is the place of the name in the two paths."""
     sides = [side.format("{name}") for side in (truth, estimate)]
     options = " ".join(
         f"--{role} {_quoted(side)}" for role, side in zip(("truth", "estimate"), sides, strict=True)
@@ -173,7 +173,7 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Return paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
+    """Group paths by their common shape and differing name: gt/{}/gt/gt.txt, MOT17-02."""
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}
     for file in files:
@@ -194,13 +194,13 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
 def _fit(
     shapes: Sequence[dict[str, dict[str, str]]], truth: str, estimate: str
 ) -> tuple[int, bool, int]:
-    """Return how well two shapes match: by common names, then by the usual name of truth."""
+    """Return a score of the match of two shapes: common names first, then a usual name of truth."""
     common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
 
 
 def display_names(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
-    """Return the names of sides in messages: files by their paths, others by what they are."""
+    """Return the names of sides in messages: paths of files, and roles of data in memory."""
     return tuple(
         os.fsdecode(side) if objects.is_path(side) else role
         for side, role in zip(given, roles, strict=False)
@@ -218,33 +218,33 @@ def read_pair(
 ) -> tuple[Reading, ...]:
     """Read the truth, and the estimate if there is one; or sides in other roles.
 
-    Both are in the same units, clock and frame, and without the rows that take no part.
+    The sides are converted to the same units, clock and frame, and filtered.
 
     Parameters
     ----------
     resolved : ResolvedRequest
-        How to read them.
+        How to read the sides.
     *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
         Each side.
     roles : tuple of str
-        What they are.
+        Roles of the sides.
     names : tuple of str, optional
-        What messages call those that are no files; by default their roles.
+        Names of data in memory in messages; by default their roles.
     mapping : sequence of int, or pair of such, optional
-        Of tracks with state vectors the components to compare.
+        Components to compare, for tracks with state vectors.
     advise : bool
-        Whether a folder gets a message with what to type.
+        Whether the message about a folder has a command to type.
     known : dict, optional
-        The last truth by its path, for several estimates of it: it is read once.
+        The last truth by its path, so that several estimates share one reading of the truth.
 
     Raises
     ------
     InputError
-        A path is a folder, a side is wrong, or all lack a header that is mapped; all faults at
-        once.
+        A path is a folder, a side is wrong, or all sides lack a mapped header. The message has all
+        errors.
     ConfigError
-        No side has a class that was asked for, the filters leave no row of any, or are not for
-        what a side is.
+        No side has a requested class, the filters leave no row, or a side does not support a
+        filter.
     """
     names = display_names(given, names or roles)
     given = tuple(objects.with_plain_axes(*both) for both in zip(given, names, strict=True))
@@ -272,7 +272,7 @@ def _read(
     mapping: "Components | None",
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
-    """Read all sides by one place, with heights where all have some; all faults at once."""
+    """Read all sides with one origin, and with heights if all have them; collect all errors."""
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
 
@@ -315,7 +315,7 @@ def _brought_together(
     names: tuple[str, ...],
     given: Sequence[object],
 ) -> tuple[Reading, ...]:
-    """Return both sides in the same units, clock and frame."""
+    """Convert both sides to the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
     sides = in_one_clock(sides)
@@ -332,7 +332,7 @@ def _brought_together(
 
 
 def _stays(side: object) -> bool:
-    """Return whether a side can be read a second time: a pipe is empty, and waiting never ends."""
+    """Return whether a side can be read a second time; a pipe cannot."""
     if isinstance(side, Reading):
         return False
     return not objects.is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
@@ -341,7 +341,7 @@ def _stays(side: object) -> bool:
 def _converted(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
-    """Return both sides, one converted to the requested stamps and states, if still needed."""
+    """Convert one side to the requested timestamps and states, if still needed; return both."""
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
@@ -378,14 +378,14 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return both files without rows that the rules of a benchmark leave out, if requested.
+    """Return both files without rows that the rules of a benchmark omit, if requested.
 
-    Where it is not, and numbers are asked for that tables have, a warning says so.
+    If it is not requested, but a metric of published tables is, a warning says so.
 
     Raises
     ------
     ConfigError
-        The truth does not say what that is.
+        The truth lacks the columns that the rules need.
     """
     with_ = {*resolved.evaluation.with_}
     if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(MOT_METRICS)):
@@ -398,7 +398,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """Read also the rows that a flag leaves out, of all classes."""
+        """Return options that read the rows of all classes, including rows that a flag omits."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 
@@ -418,14 +418,14 @@ def _preprocessed(
 def check_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> None:
-    """Check that some file has what was requested of all.
+    """Check that at least one file has the requested headers and classes.
 
     Raises
     ------
     InputError
-        None has a header that is mapped, or classes.
+        No file has a mapped header, or classes.
     ConfigError
-        None has a class that was asked for, or the filters leave no row of any.
+        No file has a requested class, or the filters leave no row.
     """
     for name in sides[0].missing:
         if all(name in side.missing for side in sides):
@@ -448,9 +448,9 @@ def align_sides(
     Raises
     ------
     ConfigError
-        The options do not fit the sides.
+        An option does not fit the sides.
     InputError
-        The sides do not fit each other.
+        The two sides do not fit each other.
     """
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, (names[0], names[1]))

@@ -11,7 +11,7 @@ from tgospa_eval.distances import as_distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.objects import array_of, from_rows, numbers_of, times_of
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 

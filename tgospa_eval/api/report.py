@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from tgospa_eval.show.charts import Place
+    from tgospa_eval.show.chart_list import Place
 
     class Drawing(Place, total=False):
         """Keywords of the plotting methods."""
@@ -40,7 +40,7 @@ class Reportable:
     @property
     @abstractmethod
     def kind(self) -> str:
-        """Kind of the result, in `show.charts.CHARTS`."""
+        """Kind of the result, in `show.chart_list.CHARTS`."""
 
     @abstractmethod
     def rendered(self, format: str) -> str:
@@ -63,7 +63,7 @@ class Reportable:
 
     def _plot(self, name: str, **options: Any) -> "Figure":
         """Draw one picture, or raise a message with the names of all."""
-        from tgospa_eval.show.charts import CHARTS, plot  # lazy: slow to import
+        from tgospa_eval.show.chart_list import CHARTS, plot  # lazy: slow to import
 
         if name not in CHARTS[self.kind]:
             known = ", ".join(f"plot_{other.replace('-', '_')}" for other in CHARTS[self.kind])
@@ -118,7 +118,7 @@ class Sweep(SweepEvaluation, Reportable):
     def rendered(self, format: str) -> str:
         """Return the report as ``--format`` prints it."""
         from tgospa_eval.show.comparison import sweep_document  # lazy: few show it
-        from tgospa_eval.show.rendering import rendered
+        from tgospa_eval.show.table_text import rendered
 
         return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
 

@@ -19,11 +19,11 @@ from tgospa_eval.formats import ROLES, ReadOptions
 from tgospa_eval.formats.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
 from tgospa_eval.formats.options import parse_steps, parse_time_range, parse_where
+from tgospa_eval.quoting import option, surface
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
-from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion, signed_seconds
 from tgospa_eval.tracks.weights import EXISTENCE
@@ -42,29 +42,29 @@ class ResolvedRequest:
     Parameters
     ----------
     evaluation : EvaluationRequest
-        What to evaluate; its distance as far as it is known without the columns of the sides.
+        What to evaluate; the distance may be incomplete without the columns of the sides.
     measure : DistanceOptions
-        The distance of states with given columns.
+        Options of the distance, which needs the columns of the sides.
     reading : ReadOptions
         How to read both sides.
     each : pair of ReadOptions
-        The same, with columns and classes of the truth and of the estimate.
+        How to read truth and estimate, with their own columns and classes.
     formats : pair of str or None
-        Format of truth and estimate; None is guessed.
+        Formats of truth and estimate; None for a format that is guessed.
     conversions : pair of Conversion
-        From the stamps and states of truth and estimate to those that are compared.
+        Conversions of the timestamps and states of truth and estimate.
     preprocess : str, optional
-        Rules of a benchmark by which rows are left out.
+        Benchmark whose rules omit rows.
     frames : Frames, optional
-        What the coordinates of truth and estimate are, if they are to be brought to one frame.
+        Coordinate frames of truth and estimate, if they are converted to one frame.
     coverage : str, optional
-        A circle, or a file of regions: only rows inside take part.
+        Circle, or file of regions: only rows inside are evaluated.
     similarity : Calibration, optional
-        Of the score that is shown.
+        Calibration of the score of similarity.
     tracked_shares : TrackedShares
-        What the summary calls mostly tracked and mostly lost.
+        Thresholds of mostly tracked and mostly lost in the summary.
     allow_empty : bool
-        Whether filters may leave nothing.
+        Whether filters may leave no row.
     """
 
     evaluation: EvaluationRequest
@@ -82,7 +82,7 @@ class ResolvedRequest:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """Options of reading that change the number, by the names of the JSON."""
+        """Options of reading that change the number, by the names of the JSON document."""
         return {
             "decimal": self.reading.decimal,
             "on_duplicate": self.reading.on_duplicate,
@@ -127,7 +127,7 @@ class ResolvedRequest:
         Raises
         ------
         ConfigError
-            An option names a column that does not enter the distance.
+            An option names a column that the distance does not use.
         """
         distance, conversion = self.measure.distance(columns), self.conversions[1]
         if self.frames is not None:
@@ -146,7 +146,7 @@ def resolve_request(options: Request) -> ResolvedRequest:
     Raises
     ------
     ConfigError
-        A value is out of range, or options do not fit each other.
+        A value is out of range, or options contradict each other.
     InputError
         The file of a covariance is missing or wrong.
     """
@@ -221,7 +221,7 @@ def _resolved(options: Request) -> ResolvedRequest:
 
 @lru_cache(maxsize=8)
 def _kept(options: Request, _: str) -> ResolvedRequest:
-    """Return the same, made once for each surface: readers keep names of options."""
+    """Return the records, made once for each surface, because readers keep names of options."""
     return _resolved(options)
 
 
@@ -233,7 +233,7 @@ def _reading(
     numbered: bool,
     nees: bool,
 ) -> ReadOptions:
-    """Return how to read both sides, with these columns beside the states."""
+    """Return how to read both sides, with these columns in addition to the states."""
     return ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -257,7 +257,7 @@ def _reading(
 
 
 def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion, Conversion]:
-    """Return the conversions of stamps and states of truth and estimate to those compared."""
+    """Return the conversions of timestamps and states of truth and estimate."""
     of_estimate = Conversion(
         time_offset=signed_seconds(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
@@ -271,14 +271,14 @@ def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion
     )
     if measure.is_record and of_estimate.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
-            f"{option('time')} and {option('region')} are in the units of the truth: choose the "
-            "distance by its name"
+            f"{option('time')} and {option('region')} do not work with a converted estimate and a "
+            "distance that is a record: give the name of the distance"
         )
     return of_truth, of_estimate
 
 
 def _time_matching(options: Request) -> TimeMatching:
-    """Return how the times of both sides are brought together."""
+    """Return how the times of both sides are matched."""
     return TimeMatching(
         tolerance=options.time_tolerance,
         grid=options.grid,
@@ -302,7 +302,7 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
 
 def _ignoring(options: Request) -> "Ignoring | None":
-    """Return the rules for states that are not judged, if there are any."""
+    """Return the rules for ignored states, if there are any."""
     speed = options.max_speed or 0.0
     marks = (options.preprocess or "").endswith(":ignore")
     has_more = options.max_speed is not None or options.ignore_regions is not None
@@ -384,7 +384,7 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
 
 
 def _form(options: Request, role: str) -> "TimeForm | None":
-    """Return how the times of a side are written, if that is declared."""
+    """Return the declared format of the times of a side, if any."""
     given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
     if given == [None, None]:
         return None
@@ -424,7 +424,7 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
 
 
 def _of_tables(options: Request, side: str) -> str:
-    """Return an option of one side that is for files and tables, if one is in use."""
+    """Return an option of one side that only files and tables support, if one is in use."""
     of_both = (
         *("columns", "decimal", "on_duplicate", "on_invalid", "day_begins"),
         *("time", "class_", "region", "where", "by"),
@@ -460,7 +460,7 @@ def _each(
     frames: "Frames | None",
     ignoring: "Ignoring | None",
 ) -> tuple[ReadOptions, ReadOptions]:
-    """Return how to read truth and estimate: own columns and classes go before common ones."""
+    """Return how to read truth and estimate; options of one side override common ones."""
     own = (
         (_list(options.truth_columns), _list(options.truth_class), options.truth_where),
         (_list(options.estimate_columns), _list(options.estimate_class), options.estimate_where),
@@ -507,7 +507,7 @@ def _each(
 
 
 def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return the parts of a list, of a text those between commas."""
+    """Return the parts of a list, or of a text with commas."""
     if names is None:
         return None
     return tuple(part.strip() for part in (names.split(",") if isinstance(names, str) else names))

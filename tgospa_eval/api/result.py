@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tgospa_eval.results.gradient import Gradient
-    from tgospa_eval.show.charts import Place
+    from tgospa_eval.show.chart_list import Place
     from tgospa_eval.show.plot_data import PlotData
 
 PUBLIC = (

@@ -14,11 +14,11 @@ from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Reduction, Resources
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.evaluation import frame_of
 from tgospa_eval.results.records import Columns
 from tgospa_eval.sensors import Pairing, reduce_trajectories
 from tgospa_eval.sensors import associate as associate_states
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Association(Pairing):
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
-        from tgospa_eval.show.charts import plot  # lazy: slow to import
+        from tgospa_eval.show.chart_list import plot  # lazy: slow to import
 
         return plot(self, "plane", columns=columns, style=style)
 

@@ -22,7 +22,7 @@ from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.objects import is_path, runs_of
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.conversion import MAX_STEPS
 
 LAYOUTS = {

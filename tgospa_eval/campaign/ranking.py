@@ -40,6 +40,7 @@ from tgospa_eval.problem.gospa import (
     partners,
     per_step_gospa,
 )
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import (
     MEAN,
@@ -55,9 +56,8 @@ from tgospa_eval.results.records import (
 from tgospa_eval.results.saved import of_metric
 from tgospa_eval.results.summary import SUMMARY, flat, pooled
 from tgospa_eval.show.batch import Places, Ranking
-from tgospa_eval.show.rendering import RULES, Rule
 from tgospa_eval.show.result_text import COMPARED
-from tgospa_eval.text import option
+from tgospa_eval.show.table_text import RULES, Rule
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, coverage_of, incomparable, judge_alike
 

@@ -22,12 +22,12 @@ from tgospa_eval.common.documents import (
 from tgospa_eval.common.interval import Interval, equal, overlap
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.pair import EvaluationByClass
+from tgospa_eval.quoting import clipped, quoted
 from tgospa_eval.results import saved
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS
 from tgospa_eval.results.summary import SUMMARY, flat
-from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
     import pandas as pd

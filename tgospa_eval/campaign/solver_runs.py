@@ -32,11 +32,11 @@ from tgospa_eval.evaluation.prove import solve, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.sinkhorn import entropic_trace
-from tgospa_eval.text import option
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:

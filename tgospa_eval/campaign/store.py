@@ -24,11 +24,11 @@ from tgospa_eval.common.writing import STORE, STORE_SCHEMA, take_lock, writing
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.loading import reason_of
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.saved import ADD_UP, AGREE, TINY
 from tgospa_eval.results.saved import SETTINGS_FILE as USED_FILE
-from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
     import pandas as pd

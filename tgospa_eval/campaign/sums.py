@@ -34,6 +34,7 @@ from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
 from tgospa_eval.problem.states import connected_components
+from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
 from tgospa_eval.results.slices import Slicing, added_up
@@ -48,7 +49,6 @@ from tgospa_eval.show.batch import (
     Ranking,
     RmsCurve,
 )
-from tgospa_eval.text import listed, option
 from tgospa_eval.tracks.conversion import SECOND
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from tgospa_eval.cli.verbs import CONFIG, cli
 from tgospa_eval.common import files
 from tgospa_eval.common.machine import is_of_memory
 from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
-from tgospa_eval.text import COMMAND, spelled_for
+from tgospa_eval.quoting import COMMAND, spelled_for
 
 # -------------------------------------------------------------------------------------------------
 # Under a limit of memory (``ulimit -v``) a child does the work.

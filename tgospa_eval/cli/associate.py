@@ -97,8 +97,8 @@ def command(
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.results.records import json_text
     from tgospa_eval.show.files import ASSOCIATION, association_files, check_file
-    from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.result_text import association_text
+    from tgospa_eval.show.table_text import csv_text
 
     options |= {"force": force}
     request = Request.of(of_pairs(options))

@@ -102,8 +102,8 @@ def command(
     from tgospa_eval.formats.write import TABLES
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.show.files import check_file
-    from tgospa_eval.show.rendering import rendered
     from tgospa_eval.show.result_text import explanation_document
+    from tgospa_eval.show.table_text import rendered
 
     if output is not None:
         inputs = truth, estimate

@@ -133,7 +133,7 @@ def _run(
     """
     from tgospa_eval._version import __version__
     from tgospa_eval.api.gate import judge_all
-    from tgospa_eval.campaign.gate.judge import OverInputError
+    from tgospa_eval.campaign.gate.judge_pairs import OverInputError
     from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
     from tgospa_eval.campaign.gate.report import GATE_REPORTS
     from tgospa_eval.campaign.gate.rules import Verdict, worst
@@ -191,7 +191,7 @@ def _run(
 def _printed(report: "Report", format: str) -> str:
     """Return the report for stdout; a table fits the width of the terminal."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
-    from tgospa_eval.show.rendering import WIDTH
+    from tgospa_eval.show.table_text import WIDTH
 
     if format != "table":
         return GATE_REPORTS[format](report)

@@ -98,7 +98,7 @@ def _write_picture(
 ) -> None:
     """Draw the data."""
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.show.charts import Pictures, pictures
+    from tgospa_eval.show.chart_list import Pictures, pictures
 
     wanted = Pictures(formats=(kind,), style=style)
     (data,) = pictures("inspect", (sides, unit), wanted).values()

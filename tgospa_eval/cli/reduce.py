@@ -59,8 +59,8 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.results.records import json_text, records
     from tgospa_eval.sensors import CHANGES, HISTORY
     from tgospa_eval.show.files import check_file
-    from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.result_text import reduction_text
+    from tgospa_eval.show.table_text import csv_text
 
     request, output = Request.of(options), click_builder.OutputOptions.of(options)
     ending = check_file(target, "OUT", force=force, inputs=[source], suffixes=TABLES)

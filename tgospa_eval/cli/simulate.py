@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.command import PATH, Option, Verb
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 if TYPE_CHECKING:
     from tgospa_eval.show.files import Kind

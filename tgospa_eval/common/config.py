@@ -1,4 +1,4 @@
-"""Options: what is known of them, and settings in ``tgospa-eval.toml`` or ``pyproject.toml``."""
+"""Specifications of options, and settings in ``tgospa-eval.toml`` or ``pyproject.toml``."""
 
 import dataclasses
 import os
@@ -11,7 +11,7 @@ from typing import Any, Self, TypeAlias
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
@@ -25,16 +25,16 @@ Settings: TypeAlias = dict[str, str | int | float | bool]
 
 @dataclass(frozen=True, kw_only=True)
 class SettingsFile:
-    """A configuration file in use.
+    """Configuration file in use.
 
     Parameters
     ----------
     path : str
-        Where it is.
+        Path of the file.
     named : bool
-        Whether somebody named it; else it was only found.
+        Whether the user named the file; otherwise it was found in the current folder.
     options : dict
-        What it sets, by option name, with dashes.
+        Settings by option name, with dashes.
     """
 
     path: str
@@ -46,7 +46,7 @@ class SettingsFile:
         return f"settings from {self.path}: {shown}" if shown else f"no setting from {self.path}"
 
     def only(self, names: Collection[str]) -> "SettingsFile":
-        """Return the file restricted to these options."""
+        """Return the settings file with these options alone."""
         kept = {name: value for name, value in self.options.items() if name in names}
         return replace(self, options=kept)
 
@@ -57,12 +57,12 @@ def settings_field(used: SettingsFile | None) -> dict[str, Any]:
 
 
 def read_here(path: str) -> bytes | None:
-    """Read the content of a file; None without one.
+    """Read the content of a file; return None if it is missing.
 
     Raises
     ------
     ConfigError
-        It cannot be read.
+        The file cannot be read.
     """
     return read_bytes(path, ConfigError) if os.path.isfile(path) else None
 
@@ -78,14 +78,15 @@ def load(
     Parameters
     ----------
     path : str, optional
-        The file; without it the current folder is searched.
+        Path of the file; by default the current folder is searched.
     known : callable
-        Gives names of the options, as on the command line without dashes in front, and whether each
-        is a flag.
+        Function that returns the names of the options, as on the command line without leading
+        dashes, and whether each is a flag.
     trusted : collection of str
-        Those that a file may set which was only found: somebody else may have written it.
+        Options that a file may set although the user did not name it: somebody else may have
+        written the file.
     read : callable
-        The content of a file by its path; None where there is none.
+        Function that returns the content of a file by its path, or None.
 
     Returns
     -------
@@ -95,7 +96,7 @@ def load(
     Raises
     ------
     ConfigError
-        The file cannot be read, is no TOML, has an unknown key, or one that it may not set.
+        The file cannot be read, is not TOML, or has a key that is unknown or not allowed.
     """
     named = path is not None
     if path is None:
@@ -124,7 +125,7 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
     Raises
     ------
     ConfigError
-        A key is unknown, a value of the wrong kind.
+        A key is unknown, or a value is of the wrong kind.
     """
     settings: Settings = {}
     for key, value in table.items():
@@ -181,18 +182,18 @@ def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
 
 
 def section(document: Mapping[str, object]) -> object:
-    """Return our table of ``pyproject.toml``; None without one."""
+    """Return the table of this program in ``pyproject.toml``; None without one."""
     tool = document.get("tool")
     return tool.get(TOOL_TABLE) if isinstance(tool, dict) else None
 
 
 def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
-    """Parse a TOML file, from its content if that was read elsewhere.
+    """Parse a TOML file, or its content if it was read before.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, or is no TOML.
+        The file cannot be read, or is not TOML.
     """
     import tomllib  # lazy: most runs have no such file
 
@@ -212,40 +213,40 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class OptionSpec:
-    """Properties of a field that is an option.
+    """Specification of a field that is an option.
 
     Parameters
     ----------
     section : str
-        Of the help.
+        Section of the help.
     declaration : str
-        As the help shows the option: ``-c, --cutoff C``; without a metavar it is a flag.
+        Text of the help: ``-c, --cutoff C``; without a metavar the option is a flag.
     help : str
-        What it does.
+        Help text.
     choices : collection of str
-        Its values, if they are few; or members, which other packages may add to.
+        Allowed values, if they are few; or a registry, to which other packages may add.
     kind : str
-        Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
+        Kind of the text: ``"path"``, or ``"size"`` of memory; blank for any text.
     low, high : int, optional
-        Of a number.
+        Limits of a number.
     shown : str
         The default in words.
     number : bool
-        Whether it changes the number or its bracket.
+        Whether the option changes the number or its bracket.
     trusted : bool
-        Whether a settings file may set it that was only found. Somebody else may have written it:
-        nothing is trusted that writes, connects, takes resources, judges, says how exact is exact,
-        or keeps quiet.
+        Whether a settings file may set the option although the user did not name the file. Somebody
+        else may have written it: options that write, connect, take resources, judge, set the
+        accuracy or suppress output are not trusted.
     everywhere : bool
-        Whether all verbs that evaluate have it; otherwise `evaluate` alone.
+        Whether all verbs that evaluate have the option; otherwise only `evaluate`.
     stored : bool
-        Whether it is read from the environment and from settings files as well.
+        Whether the option is also read from the environment and from settings files.
     sensors : bool
-        Whether `associate` has it, which knows no trajectories.
+        Whether `associate` has the option.
     whose : str
-        Which of our distances have it, for messages, if not all; `Distance.options` decides.
+        Distances with the option, for messages, if not all have it; `Distance.options` decides.
     methods : sequence of str
-        The reductions that it is for, if not all.
+        Reductions with the option, if not all have it.
     parts : str
         What to do instead where data in parts do not support it; blank if they do.
     """
@@ -269,13 +270,13 @@ class OptionSpec:
 
     @property
     def key(self) -> str:
-        """Its name in a settings file: the first long one."""
+        """Name in a settings file: the first long name."""
         names = self.declaration.split(" ")
         return next(name for name in names if name.startswith("--"))[2:].rstrip(",")
 
 
 def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
-    """Declare a field of a record of options; a flag is off, FILE and DIR are paths."""
+    """Declare a field of a record of options; a flag is off by default, FILE and DIR are paths."""
     metavar = declaration.split(", ")[-1].partition(" ")[2]
     if metavar in ("FILE", "DIR"):
         about["kind"] = "path"
@@ -285,7 +286,7 @@ def setting(section: str, declaration: str, text: str, *, default: Any = None, *
 
 @dataclass(frozen=True, kw_only=True)
 class Values:
-    """A record of options."""
+    """Record of options."""
 
     @classmethod
     def of(cls, values: Mapping[str, object]) -> Self:

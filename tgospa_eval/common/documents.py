@@ -1,8 +1,8 @@
-"""JSON documents of ours: read strictly, and checked against one description of their fields.
+"""JSON documents: read strictly, and checked against a description of their fields.
 
-A description is a `FieldKind` for a value, a list with the description of each item, or a dict: of
-each field by its name, and under ``...`` of those of any other name. `Maybe` is for fields that may
-be missing, `Closed` for objects without any other field.
+A description is a `FieldKind` for a value, a list with the description of its items, or a dict with
+the description of each field by name, and under ``...`` that of all other fields. `Maybe` is for
+fields that may be missing, `Closed` for objects without other fields.
 """
 
 import json
@@ -13,19 +13,19 @@ from typing import Any, NoReturn
 from tgospa_eval.common.files import SETTINGS, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.text import clipped, quoted
+from tgospa_eval.quoting import clipped, quoted
 
 
 @dataclass(frozen=True)
 class FieldKind:
-    """Values of a field.
+    """Kind of the values of a field.
 
     Parameters
     ----------
     name : str
-        Of what is expected, for messages.
+        Name of the kind, for messages.
     fits : callable
-        Whether a value is one.
+        Function that returns whether a value is of this kind.
     """
 
     name: str
@@ -34,19 +34,19 @@ class FieldKind:
 
 @dataclass(frozen=True)
 class Maybe:
-    """A field that may be missing.
+    """Field that may be missing.
 
     Parameters
     ----------
     description : FieldKind, dict or list
-        Of its value, where it is there.
+        Description of the value, if the field exists.
     """
 
     description: Any
 
 
 class Closed(dict[Any, Any]):
-    """The fields of an object that has no others."""
+    """Fields of an object without other fields."""
 
 
 def _is_number(value: object) -> bool:
@@ -79,14 +79,14 @@ def one_of(*values: str) -> FieldKind:
 
 
 def fault(value: object, description: Any, place: str = "") -> str | None:
-    """Return the first fault of a value: where, what it is, and what is expected; None if it fits.
+    """Return the first error of a value, with place, value and expected kind; None if it fits.
 
     Parameters
     ----------
     value : object
-        Of plain Python values.
+        Value of plain Python types.
     description : FieldKind, dict or list
-        See the module.
+        Description as explained in the module.
     place : str
         Path of the value in its document, as ``parts.localisation``.
     """
@@ -103,7 +103,7 @@ def fault(value: object, description: Any, place: str = "") -> str | None:
 
 
 def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: str) -> Iterator[str]:
-    """Yield the faults of the fields of an object."""
+    """Yield the errors of the fields of an object."""
     any_other = description.get(...)
     for name, own in description.items():
         if name is not ... and name not in value and not isinstance(own, Maybe):
@@ -127,7 +127,7 @@ def _expected(description: Any) -> str:
 
 
 def shown(value: object) -> str:
-    """Format a value in words: short, as in JSON."""
+    """Format a value as short JSON."""
     if isinstance(value, dict | list):
         return "an object" if isinstance(value, dict) else "a list"
     return clipped(json.dumps(value, ensure_ascii=False, default=str))
@@ -139,7 +139,7 @@ def strict_json(text: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        It is no JSON, or has one of these.
+        The text is not JSON, or has one of them.
     """
     if isinstance(text, bytes):
         text = text.decode("utf-8-sig")
@@ -154,7 +154,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Build an object of distinct names: JSON would take the last of two."""
+    """Build an object with distinct names; JSON would take the last of two."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if name in members:
@@ -169,7 +169,7 @@ def checked(text: str | bytes, description: Any, place: str = "") -> Any:
     Raises
     ------
     ValueError
-        It is no JSON, or does not fit.
+        The text is not JSON, or does not fit.
     """
     try:
         value = strict_json(text)
@@ -197,20 +197,20 @@ def read_document(
     path : str
         The file.
     schema : str
-        Its schema, by name and version.
+        Schema with its name and version.
     description : dict
-        Of its fields.
+        Description of its fields.
     kind : type
-        Of the error.
+        Type of the error.
     remedy : str
-        What would be right.
+        Advice at the end of the message.
     size : int
-        Bytes that it has at most.
+        Largest number of bytes.
 
     Raises
     ------
     kind
-        It cannot be read, or is no such document.
+        The file cannot be read, or is not such a document.
     """
     return document_of(read_bytes(path, kind, size), path, schema, description, kind, remedy=remedy)
 
@@ -224,7 +224,7 @@ def document_of(
     *,
     remedy: str,
 ) -> dict[str, Any]:
-    """Parse the document in the content of a file; arguments and errors as of `read_document`."""
+    """Parse the document in the content of a file; see `read_document` for arguments and errors."""
     try:
         document: dict[str, Any] = strict_json(content)
         own = document.get("schema") if isinstance(document, dict) else None

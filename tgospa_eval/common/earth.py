@@ -1,11 +1,11 @@
-"""The Earth as pyproj has it: paths on WGS 84, and coordinates of other systems."""
+"""Coordinates on the Earth by pyproj: paths on WGS 84, and projected systems."""
 
 import functools
 from typing import Any
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 
 def _pyproj(what: str) -> Any:
@@ -35,7 +35,7 @@ def from_crs(text: str, option: str) -> Any:
     Raises
     ------
     ConfigError
-        There is no such system, or it is not projected.
+        The system is unknown, or is not projected.
     """
     pyproj = _pyproj(option)
     try:

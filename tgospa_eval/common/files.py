@@ -1,4 +1,4 @@
-"""Files of users: errors of the system as one sentence."""
+"""Files of users, with errors of the system in one sentence."""
 
 import os
 import stat
@@ -12,20 +12,20 @@ from typing import TextIO
 from tgospa_eval.errors import TgospaError
 
 SETTINGS = 1 << 26
-"""Bytes that no file of settings has."""
+"""Largest number of bytes of a file of settings."""
 
 STDIN = "<stdin>"
-"""Name of the standard input; a file of this name is ./<stdin>."""
+"""Name of the standard input; a file with this name is ./<stdin>."""
 
 CHUNK = 1 << 24
-"""Bytes that are read at a time where the length is not known."""
+"""Bytes that are read at once if the length is unknown."""
 
 PIPE_PATIENCE = 2.0
-"""Seconds before a notice that a pipe or a terminal is waited for."""
+"""Seconds before a notice that the program waits for a pipe or a terminal."""
 
 
 def _silent(text: str) -> None:
-    """Print nothing, as is right for a library."""
+    """Print nothing, as a library should."""
 
 
 announce: Callable[[str], None] = _silent
@@ -34,7 +34,7 @@ announce: Callable[[str], None] = _silent
 
 @contextmanager
 def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> Iterator[None]:
-    """Raise faults of the file system as `kind`, with `where` at the begin of the message."""
+    """Raise errors of the file system as `kind`, with `where` at the begin of the message."""
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
@@ -55,7 +55,7 @@ def reason(error: Exception) -> str:
 
 @contextmanager
 def patience(path: str, what: str) -> Iterator[None]:
-    """Announce what is waited for, where a pipe or a terminal keeps us waiting."""
+    """Announce a pipe or a terminal that the program waits for."""
     timer = threading.Timer(PIPE_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True
     timer.start()
@@ -73,7 +73,7 @@ def read_bytes(
     Raises
     ------
     kind
-        The file cannot be read, is a folder, or is larger.
+        The file cannot be read, is a folder, or is larger than the limit.
     """
     with named(path, kind):
         if path == STDIN:
@@ -94,7 +94,7 @@ def read_bytes(
 
 
 def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
-    """Read the standard input, which ends once, and keep it for later calls."""
+    """Read the standard input, and keep it for later calls."""
     if sys.stdin is None:
         raise kind(f"{STDIN}: there is none, it is closed; name a file")
     kept = _kept(sys.stdin)
@@ -108,7 +108,7 @@ def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
 
 @lru_cache(maxsize=1)
 def _kept(stream: TextIO) -> list[bytes]:  # noqa: ARG001
-    """Return the list that keeps what was read from a stream."""
+    """Return the list that keeps the content of a stream."""
     return []
 
 
@@ -125,12 +125,12 @@ def _pieces(path: str, source: str | int, max_bytes: int) -> Iterator[bytes]:
 
 
 def is_regular(path: str) -> bool:
-    """Return whether a path is a file with content: no folder, pipe, socket or device."""
+    """Return whether a path is a regular file, not a folder, pipe, socket or device."""
     return stat.S_ISREG(os.stat(path).st_mode)
 
 
 def is_missing(path: str) -> bool:
-    """Return whether there is no such file; one that cannot be examined may exist."""
+    """Return whether a file is missing; a file that cannot be examined may exist."""
     try:
         os.stat(path)
     except FileNotFoundError:

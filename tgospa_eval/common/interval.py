@@ -1,4 +1,4 @@
-"""Intervals that contain an unknown number. No metric is known here."""
+"""Intervals that contain an unknown number, independent of any metric."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """``lower <= value <= upper``, in one unit for all that are compared.
+    """Interval ``lower <= value <= upper``; compared intervals have the same unit.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Interval:
 # Comparing proven brackets: whether they agree, and which is less.
 
 EQUAL = 1e-9
-"""Values that differ by at most this share of themselves are equal."""
+"""Largest relative difference of equal values."""
 
 
 def overlap(first: Interval, second: Interval) -> bool:
@@ -43,20 +43,20 @@ def less(first: Interval, second: Interval) -> bool:
 
 
 def equal(first: Interval, second: Interval) -> bool:
-    """Return whether both values are proven to be the same, but for a share of `EQUAL`."""
+    """Return whether both values are proven to be equal, up to the relative difference `EQUAL`."""
     difference = max(first.upper - second.lower, second.upper - first.lower)
     return difference <= EQUAL * max(first.upper, second.upper)
 
 
 def verdict(first: Interval, second: Interval) -> Literal["less", "equal", "not separated"]:
-    """Return what is proven about the order of two values."""
+    """Return the proven order of two values."""
     if less(first, second):
         return "less"
     return "equal" if equal(first, second) else "not separated"
 
 
 def second_less_first(first: Interval, second: Interval) -> Interval:
-    """Return bounds of the difference."""
+    """Return bounds of the difference second minus first."""
     return Interval(lower=second.lower - first.upper, upper=second.upper - first.lower)
 
 
@@ -69,14 +69,14 @@ def narrowest(brackets: Sequence[Interval]) -> Interval:
 
 
 def excess(value: float, floor: float) -> float:
-    """Return (value - floor) / floor, at least 0: how far a value may be above its floor."""
+    """Return (value - floor) / floor, at least 0: the relative excess of a value over its floor."""
     if value <= floor:
         return 0.0
     return (value - floor) / floor if floor > 0 else math.inf
 
 
 def shortfall(value: float, ceiling: float) -> float:
-    """Return (ceiling - value) / ceiling, at least 0: how far a value may be below its ceiling."""
+    """Return (ceiling - value) / ceiling, at least 0: the relative shortfall below a ceiling."""
     return (ceiling - value) / ceiling if value < ceiling else 0.0
 
 
@@ -85,14 +85,15 @@ def places(
 ) -> list[tuple[int, int]]:
     """Return the best and the worst possible rank of each value, counted from 1.
 
-    One is ahead only of those that are proven to be above it; equal ones share their places.
+    A value ranks before another one only if it is proven to be smaller. Equal values share places.
 
     Parameters
     ----------
     brackets : sequence of Interval
-        Of the values.
+        Brackets of the values.
     alike : callable, optional
-        Whether two of them, by their numbers, are equal; by default if their brackets prove it.
+        Function of two indices that returns whether the values are equal; by default if their
+        brackets prove it.
     """
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
     ranks = []

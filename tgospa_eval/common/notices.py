@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import TgospaWarning
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 
 @dataclass(frozen=True, kw_only=True)

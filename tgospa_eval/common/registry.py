@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from tgospa_eval.errors import ConfigError, TgospaError
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 T = TypeVar("T")
 

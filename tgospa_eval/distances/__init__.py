@@ -1,7 +1,6 @@
-"""STATES -> base distance on the pairs of one step that are nearer than the cutoff.
+"""Base distances, from STATES to the distances of pairs of one step nearer than the cutoff.
 
-The public names are imported when they are used: a run needs one distance, and no other pays for
-it.
+Public names are imported when they are used, so that a run loads only the distance that it needs.
 """
 
 from typing import TYPE_CHECKING

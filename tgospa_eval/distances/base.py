@@ -1,6 +1,7 @@
 """Interface of a base distance: its value for users, and points to sort for the search.
 
-`check_columns` and `check_states` say whether two sides can be compared at all, and by a distance.
+`check_columns` checks that two sides can be compared, `check_states` that a distance can compare
+them.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
 if TYPE_CHECKING:
@@ -24,14 +25,14 @@ if TYPE_CHECKING:
 
 
 Fault = tuple[Mask, str, str]
-"""Mask of states that are wrong in a column, the column, and the fault of the first."""
+"""Mask of states that are wrong in a column, the column, and the fault of the first such state."""
 
 REACH_ROUNDING = 2.0**-40
-"""Share by which reaches are widened: far above rounding, so that no candidate is lost."""
+"""Share by which reaches are widened, far above rounding, so that no candidate is lost."""
 
 
 DistanceSettings = dict[str, Any]
-"""Settings of a distance that change the number, by the names of the options."""
+"""Settings of a distance that change its value, by the names of the options."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +42,7 @@ class Pairs:
     Parameters
     ----------
     truth_row, estimate_row : (N,) int32 arrays
-        Rows of the two tables; int64 for tables that need it.
+        Rows of the two tables; int64 for tables with more rows than int32 can number.
     distance : (N,) float array
         Base distance, less than the cutoff.
     """
@@ -51,7 +52,7 @@ class Pairs:
     distance: Floats
 
     def chosen(self, which: Ints) -> "Pairs":
-        """Return some of the pairs, by their positions."""
+        """Return the pairs at some positions."""
         return Pairs(
             truth_row=self.truth_row[which],
             estimate_row=self.estimate_row[which],
@@ -60,19 +61,19 @@ class Pairs:
 
 
 Sides = tuple[Trajectories, Trajectories]
-"""Truth and estimate, on the same times."""
+"""Truth and estimate, at the same times."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resources:
-    """Threads, and a stopwatch for progress, of work that takes long.
+    """Threads and a stopwatch for long work.
 
     Parameters
     ----------
     jobs : int, optional
-        Threads; all cores by default.
+        Number of threads; all cores by default.
     stopwatch : Stopwatch
-        Shows the stage, and notifies the user.
+        Stopwatch that shows the stage, and notifies the user.
     """
 
     jobs: int | None = None
@@ -80,33 +81,33 @@ class Resources:
 
 
 class Distance(ABC):
-    """A metric on states, with what the search for near pairs needs to know about it.
+    """Metric on states, with the properties that the search for near pairs needs.
 
-    The search sorts points, not states: `embed` maps states to points and `reach` bounds the
-    differences of the coordinates of near ones, so that a pair beyond a bound needs no distance.
-    Each state has a reach of its own, and the larger one of a pair is the bound.
+    The search sorts points, not states. `embed` maps states to points, and `reach` bounds the
+    differences of the coordinates of near states, so that a pair beyond a bound needs no distance.
+    Each state has its own reach, and the larger reach of a pair is the bound.
 
     Attributes
     ----------
     name : str
-        As on the command line.
+        Name as on the command line.
     tree_power : float
-        For states nearer than the cutoff, the Minkowski norm with this power of the difference of
-        their points is at most 1, if every coordinate is measured in the larger of their reaches.
+        Power of a Minkowski norm. For states nearer than the cutoff, this norm of the difference of
+        their points is at most 1, if every coordinate is in units of the larger of their reaches.
     columns : tuple of str, optional
-        State columns that it needs, in order; None if any will do.
+        State columns that the distance needs, in order; None if it compares any columns.
     options : tuple of str
         Options that change its settings, as fields of `api.options.Request`.
     on_earth : bool
-        It is in metres, between latitudes and longitudes in degrees.
+        Whether it is in metres, between latitudes and longitudes in degrees.
     defaults : tuple of float
-        Cutoff and switch penalty, if the user names none.
+        Default cutoff and switch penalty.
     largest : float
-        No distance is more.
+        Upper bound of all distances.
     limits : dict of str to tuple
         Least and largest value of a column, and both in words.
     scale, period : sequence of float, optional
-        State units per unit of each column, and the period of each, of distances that have such.
+        State units per unit of each column, and period of each column, if the distance has these.
     """
 
     name: str
@@ -127,33 +128,34 @@ class Distance(ABC):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of states that it compares beside points, as `Trajectories.kind`: gaussian, cloud.
+        """Kinds of states other than points that it compares, by `Trajectories.kind`.
 
-        To a distance that names none all states are points; others refuse what they do not name.
+        They are gaussian and cloud. A distance without kinds treats all states as points; other
+        distances refuse states of other kinds.
         """
         return ()
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Return components (d, R) of some rows, as `between` and `embed` take them."""
+        """Return the components (d, R) of some rows, which `between` and `embed` receive."""
         return np.ascontiguousarray(side.state[rows].T)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return the distances of the means of near pairs, and of what is around the means.
+        """Return the distances of the means of near pairs, and of the spreads around the means.
 
-        Their squares add up to that of the distance; None if there are no such.
+        Their squares add up to the squared distance. The result is None for other distances.
         """
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
         """Return derivatives of the distances of near prepared pairs by the estimate, (d, N).
 
-        In distance per unit of each state column; of Gaussians by their means. 0 where a distance
-        is 0, one of the derivatives where it has a kink.
+        They are in distance per unit of each state column; for Gaussians by their means. The
+        derivative is 0 where the distance is 0, and one of the derivatives where it has a kink.
 
         Raises
         ------
         ConfigError
-            No derivative is known.
+            No derivative is known for the distance or its settings.
         """
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         return self.slopes_between(a, b)
@@ -161,13 +163,13 @@ class Distance(ABC):
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats | None:
         """Return derivatives of the distances of near pairs by each estimated particle, (M, d).
 
-        The particles of the estimates of all pairs, one pair behind the other; None where states
-        have none. The sides are as they were read.
+        The particles are those of the estimates of all pairs, pair after pair. The result is None
+        if states have no particles. The sides are as read, not prepared.
 
         Raises
         ------
         ConfigError
-            No derivative is known.
+            No derivative is known for the distance or its settings.
         """
         return None
 
@@ -177,13 +179,13 @@ class Distance(ABC):
         Raises
         ------
         ConfigError
-            No derivative is known.
+            No derivative is known for the distance or its settings.
         """
         raise ConfigError(f"the distance {self.name} has no known derivative with these settings")
 
     @property
     def lower_bound(self) -> "Distance":
-        """A cheap distance of states without covariances that is no larger: for looking around."""
+        """A cheap distance of states without covariances that is at most this distance."""
         return self
 
     def fitted(self, sides: Sides) -> "Distance":
@@ -191,43 +193,43 @@ class Distance(ABC):
         return self
 
     def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, "Distance"]:
-        """Return both sides as they are compared, and the distance that compares those."""
+        """Return both sides in the form that is compared, and the distance that compares them."""
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return the value below which the search looks for `between`."""
+        """Return the limit of `between` for candidates of the search."""
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the near pairs among candidates, for which `between` was only a bound."""
+        """Return the near pairs among candidates, if `between` is only a lower bound."""
         return pairs
 
     def error(self, dimension: int) -> float:
         """Return a proven bound of the relative error of distances of points of this dimension.
 
-        0 where none is known: what is proven then is proven of the distances as they were computed.
+        It is 0 if no bound is known: then proofs hold for the computed distances.
         """
         return 0.0
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return how near to the cutoff rounding may decide a distance of prepared sides.
+        """Return the distance from the cutoff within which rounding may decide, for prepared sides.
 
-        That of the computation, and of the decimals that states were written in.
+        The rounding is that of the computation, and of the decimals of the states in their files.
         """
         return REACH_ROUNDING * cutoff
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Return a mask of the pairs that are nearer than the cutoff of each, (N,).
 
-        By the distances as computed. Distances with a closed form decide those within the
-        `margin` by the exact distance of the states (docs/theory/certificate.md).
+        The computed distances decide. Distances with a closed form decide pairs within the `margin`
+        by the exact distance of the states (docs/theory/certificate.md).
         """
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly how much the last places of the states change a distance.
+        """Return roughly the change of a distance by the last places of the smallest state.
 
-        Of the smallest state: a value that this explains is explained by no digit of the data.
+        A value up to this size may come from rounding alone, and not from the digits of the data.
         """
         sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in sides]
         smallest = float(np.concatenate(sizes).min(initial=np.inf))
@@ -235,7 +237,7 @@ class Distance(ABC):
 
     @property
     def tree_power(self) -> float:
-        """Power of a norm that the search may use; inf is always right."""
+        """Power of a norm that the search may use; inf is always valid."""
         return float("inf")
 
     @abstractmethod
@@ -248,16 +250,16 @@ class Distance(ABC):
 
     @abstractmethod
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return how far near states may be from each state (d, R), on every axis of the points.
+        """Return the reach of each state (d, R) on every axis of the points, (e, R).
 
-        Shape (e, R), or (e, 1) if it is the same for all. Two states that are near differ on each
-        axis by less than the larger of their two reaches: no distance that is computed as less than
-        the cutoff may have a computed difference that is not. Infinite on an axis that shows
-        nothing.
+        The shape is (e, 1) if the reach is the same for all states. Two near states differ on each
+        axis by less than the larger of their two reaches. This must hold for computed differences,
+        of all pairs whose computed distance is less than the cutoff. The reach is infinite on an
+        axis that does not separate states.
         """
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Check that it can compare states with these columns; `name` begins the message.
+        """Check that the distance can compare states with these columns; `name` begins the message.
 
         Raises
         ------
@@ -274,7 +276,7 @@ class Distance(ABC):
         check_length("period", self.period, columns, name)
 
     def fault(self, axes: Floats) -> Fault | None:
-        """Return states (d, R) out of range in a column, the column, and the first value."""
+        """Return a mask of states (d, R) out of range in a column, the column, and the fault."""
         for name, (low, high, rule) in self.limits.items():
             values = axes[(self.columns or ()).index(name)]
             wrong = ~((values >= low) & (values <= high))
@@ -284,7 +286,7 @@ class Distance(ABC):
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Return periods and scales by column name, and other settings that change the number."""
+        """Return periods and scales by column name, and other settings that change the value."""
         record: DistanceSettings = {}
         if self.period is not None:
             periods = zip(columns, self.period, strict=True)
@@ -323,7 +325,7 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
     Raises
     ------
     ConfigError
-        The values are not as many as the columns.
+        The number of values is not the number of columns.
     """
     if values is not None and len(values) != len(columns):
         raise ConfigError(
@@ -347,7 +349,7 @@ def check_columns(
     Raises
     ------
     InputError
-        A state column is on one side only, or they are in another order.
+        A state column is on one side only, or the columns are in different orders.
     """
     for own, other, name, missing in ((truth, estimate, *names), (estimate, truth, *names[::-1])):
         extra = [column for column in own.columns if column not in other.columns]
@@ -380,9 +382,10 @@ def check_states(
     Raises
     ------
     ConfigError
-        Its settings do not fit the state columns.
-    InputError
-        It needs other columns, does not compare states of that kind, or a state is out of range.
+        The settings of the distance do not fit the state columns.
+        InputError
+            The distance needs other columns or does not compare states of this kind, or a state is
+            out of range.
     """
     _check_kinds((truth, estimate), distance, names)
     for side, name in zip((truth, estimate), names, strict=True):
@@ -399,7 +402,7 @@ def check_states(
 def _check_kinds(
     sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
 ) -> None:
-    """Check that a distance which compares more than points can compare these states."""
+    """Check that a distance for kinds other than points can compare these states."""
     named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
     refused = set(named) - {"point", *distance.kinds}
     if not distance.kinds or not refused:

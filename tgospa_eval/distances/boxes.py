@@ -1,4 +1,4 @@
-"""Distance of boxes in an image: what they do not share."""
+"""Distance of boxes in an image: the share of their union that they do not have in common."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
@@ -19,15 +19,15 @@ MAX_BLUR = 2.0**-20
 """Largest margin of a distance around the cutoff."""
 
 TRACKEVAL_EPS = 2.0**-52
-"""Tolerance of TrackEval: of areas that are 0, and of an IoU that reaches a threshold."""
+"""Tolerance of TrackEval for areas of 0, and for an IoU at a threshold."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class IoU(Distance):
     """1 - intersection over union of boxes (left, top, width, height): the Jaccard distance.
 
-    Areas are width times height, without a pixel more. It is a metric on boxes [Kosub 2019], at
-    most 1, and exactly 1 for all boxes that share nothing.
+    Areas are width times height, without an additional pixel. It is a metric on boxes [Kosub 2019],
+    at most 1, and exactly 1 for all boxes without overlap.
     """
 
     name = "iou"
@@ -40,7 +40,7 @@ class IoU(Distance):
     )
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the rounding of a ratio near 1, and of edges that were decimals."""
+        """Return the rounding of a ratio near 1, and of edges that were written as decimals."""
         corners = (np.abs(side.state[:, :2]).max(initial=0.0) for side in sides)
         smallest = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
         blur = 2.0**-46 + 2.0**-50 * max(corners) / max(smallest, SMALLEST_EDGE)
@@ -75,7 +75,7 @@ class IoU(Distance):
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distance of boxes that are given as lefts, tops, widths, heights."""
+        """Return the distance of boxes, given as lefts, tops, widths and heights."""
         left, top, width, height = components
         shared = _overlap(left, width) * _overlap(top, height)
         union = width[0] * height[0] + width[1] * height[1] - shared
@@ -103,11 +103,11 @@ class IoU(Distance):
         return np.concatenate((axes[:2], np.log(axes[2:])))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return how much left, top and sizes of near boxes may differ; infinite if c > 1.
+        """Return the reach of left, top and sizes of near boxes; infinite if c > 1.
 
         Let q = 1 - c be the least IoU. The overlap in width is at least q times the larger width w,
-        because the union is at least w times the overlap in height. So the left sides differ by
-        w - q w = c w at most, and the smaller width is at least q w; the same with heights.
+        because the union is at least w times the overlap in height. So the left sides differ by at
+        most w - q w = c w, and the smaller width is at least q w. The same holds for heights.
         """
         if cutoff > 1:
             return np.full((4, 1), np.inf)
@@ -119,13 +119,13 @@ class IoU(Distance):
         )
 
 
-# Differences of huge coordinates may overflow: infinitely far is right.
+# Differences of huge coordinates may overflow to infinity, which is right for them.
 @np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
-    """Return the IoU of boxes with others, bit for bit as in TrackEval, to meet its thresholds.
+    """Return the IoU of boxes with others, bit for bit as in TrackEval, for its thresholds.
 
-    Right and lower edges are rounded before anything else, widths and heights are their differences
-    to the left and upper ones, and boxes without area share nothing.
+    Right and lower edges are rounded first; widths and heights are their differences to the left
+    and upper edges. The IoU of a box without area is 0.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def overlaps(a: Floats, b: Floats) -> Floats:
 
 
 def _overlap(begin: tuple[Floats, Floats], size: tuple[Floats, Floats]) -> Floats:
-    """Return the shared length of two intervals; exactly their own length if they are the same."""
+    """Return the shared length of two intervals; exactly their length if they are equal."""
     offset = begin[0] - begin[1]
     shorter = np.minimum(*size)
     return np.maximum(np.minimum(shorter, np.minimum(offset + size[0], size[1] - offset)), 0.0)

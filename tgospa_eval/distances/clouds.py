@@ -1,27 +1,27 @@
 """Wasserstein distances of particle clouds as base distances: settings, near pairs.
 
-Clouds are made ready once, so that they are Euclidean. Of their near pairs two bounds cost next to
-nothing: the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and of order 2 the Gelbrich
-bound, the Wasserstein distance of the Gaussians with the same moments,
+Clouds are prepared once, so that their distance is Euclidean. Two lower bounds of a pair are cheap:
+the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and for the order 2 the Gelbrich
+bound, which is the Wasserstein distance of the Gaussians with the same moments,
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
-with the Bures distance B of their covariances; it is attained where one cloud is a point. A pair at
-the cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
+with the Bures distance B of their covariances. It is exact if one cloud is a point. A pair at the
+cutoff or beyond has no gain, so that only pairs with bounds below the cutoff are solved.
 
-Sliced and max-sliced Wasserstein distance of particle clouds, over fixed directions.
+The sliced and the max-sliced Wasserstein distance use the projections on fixed directions v_k,
 
     SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y),
 
-with W_q of the projections in one dimension, which sorting solves: no transport, no extra. Every
-W_q is a metric, so that both keep the triangle inequality over any directions; over all of the
-sphere they are metrics ([Kolouri]), over V of them pseudometrics, for different clouds may have the
-same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same for all pairs and
-runs.
+where W_q of projections in one dimension comes from sorting, without transport and without POT.
+Every W_q is a metric, so that both satisfy the triangle inequality for any directions. Over all of
+the sphere they are metrics ([Kolouri]); over V directions they are pseudometrics, because different
+clouds may have the same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same
+for all pairs and runs.
 
-Of the means W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a tight
-frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``, from which ``|x| <= sqrt(d) SW_2`` of two points at the
-difference x, ``|x| <= sqrt(d) max SW``, and with ``|v_k'x| <= |x|`` also ``|x| <= d SW_1``.
+The means satisfy W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a
+tight frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``. So two points with the difference x satisfy
+``|x| <= sqrt(d) SW_2``, ``|x| <= sqrt(d) max SW``, and, by ``|v_k'x| <= |x|``, ``|x| <= d SW_1``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -64,25 +64,25 @@ from tgospa_eval.distances.transport import (
 )
 from tgospa_eval.distances.vector import EUCLIDEAN, Norm
 from tgospa_eval.errors import ConfigError, InputError, whole_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
-"""Share of the cutoff: a bound that is above it by rounding alone decides nothing."""
+"""Share of the cutoff up to which a bound above it may be rounding, and does not decide."""
 
 UNSURE = 1e-11
-"""Share of the variances, far above what rounding may add to the Gelbrich bound."""
+"""Share of the variances that is far above the rounding of the Gelbrich bound."""
 
 BOUNDS_TOGETHER = 1 << 16
-"""Pairs whose bounds are computed at a time."""
+"""Number of pairs whose bounds are computed at a time."""
 
 SOON = 250.0
-"""Milliseconds of work that a thread does at a time, about."""
+"""Approximate milliseconds of work that a thread does at a time."""
 
 MANY_PARTICLES = 300
-"""Particles from which on there is a hint to reduce them."""
+"""Number of particles above which a hint proposes to reduce them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class CloudPairs(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Euclidean."""
+        """2, for the Euclidean distance of the means."""
         return 2.0
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -107,14 +107,14 @@ class CloudPairs(Distance):
         return EUCLIDEAN.reach(cutoff, axes)
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return the cutoff, and what rounding of the means may add."""
+        """Return the cutoff plus the rounding of the means; infinity without gating."""
         if not self.gating:
             return np.inf
         largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
         return cutoff * (1 + SLACK) + 2.0**-46 * largest
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return near pairs with their distances: by closed forms first, then where bounds fail."""
+        """Return near pairs with their distances: by closed forms first, then by transport."""
         a, b = (side.clouds for side in sides)
         if a is None or b is None:
             return pairs
@@ -127,7 +127,7 @@ class CloudPairs(Distance):
             for begin in range(0, len(unsolved), BOUNDS_TOGETHER):
                 part = unsolved[begin : begin + BOUNDS_TOGETHER]
                 value[part] = np.sqrt(value[part] ** 2 + _spread(spreads, i[part], j[part]))
-            # With a point the bound is the distance itself.
+            # If one cloud is a point, the bound is the distance itself.
             is_open &= ~(are_points[0] | are_points[1])
         if self.gating:
             is_open &= value < self.horizon(sides, cutoff)
@@ -148,14 +148,14 @@ class CloudPairs(Distance):
         return self.order == 2
 
     def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
-        """Estimate the milliseconds that each pair takes: sorting on a line, else transport."""
+        """Estimate the milliseconds of each pair: sorting on a line, otherwise transport."""
         if len(sides[0].columns) == 1:
             return np.asarray(0.1 + 2e-4 * (sizes[0] + sizes[1]))
         _check_sizes(sizes, rows, sides)
         return np.asarray(0.1 + 2.0 * (sizes[0] * (sizes[1] / 1e4)) ** 1.05)
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Return the distance function of two clouds by their rows, for some neighbouring pairs."""
+        """Return the distance of two clouds as a function of rows, for some neighbouring pairs."""
         return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
@@ -170,10 +170,10 @@ class CloudPairs(Distance):
 
 
 class OwnCovariance(CloudPairs):
-    """Distance that whitens each pair by the mean covariance of its clouds."""
+    """Distance that whitens each pair by the mean covariance of its two clouds."""
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return infinity: the distance of means bounds nothing here."""
+        """Return infinity, because the distance of the means is not a bound here."""
         return np.inf
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
@@ -210,7 +210,7 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return the least that covariances add to the squared distance of the means of pairs."""
+    """Return the least part of covariances in the squared distances of pairs, besides the means."""
     (trace_a, factor_a), (trace_b, factor_b) = spreads
     length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
     total = trace_a[i] + trace_b[j]
@@ -227,8 +227,8 @@ def _solved(
 ) -> Floats:
     """Compute distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
 
-    `one()` makes the function of two rows for some neighbouring pairs; `works` are in milliseconds,
-    about.
+    `one()` returns the function of two rows for some neighbouring pairs; `works` are approximate
+    milliseconds.
     """
     count = len(works)
     if not count:
@@ -267,15 +267,15 @@ def slopes_of_particles(
 ) -> Floats:
     """Return ``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)``, pi the optimal plan.
 
-    By the envelope theorem: W^q is a minimum over plans. One of the derivatives where several plans
-    are optimal; 0 where the distance is 0.
+    This is the envelope theorem: W^q is a minimum over plans. If several plans are optimal, the
+    result is one of the derivatives. It is 0 where the distance is 0.
 
     Parameters
     ----------
     clouds : pair of Clouds
-        Of truth and estimate, scaled.
+        Scaled clouds of truth and estimate.
     pairs : Pairs
-        Which to compare, with their distances.
+        Pairs to compare, with their distances.
     order : {1, 2}
         q.
     factor : (d, d) float array, optional
@@ -284,7 +284,7 @@ def slopes_of_particles(
     Returns
     -------
     (M, d) float array
-        Of the particles of the estimate of each pair, one pair behind the other.
+        Derivatives by the particles of the estimate of each pair, pair after pair.
     """
     slopes = [np.zeros((0, clouds[1].points.shape[1]))]
     near = zip(
@@ -313,31 +313,33 @@ INNER = ("euclidean", "mahalanobis")
 
 @dataclass(frozen=True, kw_only=True)
 class CloudWasserstein(Distance):
-    """Wasserstein distance of order q of the particle clouds; states without particles are points.
+    """Wasserstein distance of order q of particle clouds; states without particles are points.
 
-    A metric on clouds, also with a Mahalanobis distance of particles, because its covariance is
-    the same for all pairs of the run. The order q has nothing to do with the order p of TGOSPA.
+    It is a metric on clouds, also with a Mahalanobis distance of particles, because its covariance
+    is the same for all pairs of the run. The order q is independent of the order p of TGOSPA.
 
     Parameters
     ----------
     order : {1, 2}
-        q.
+        Order q.
     inner : {"euclidean", "mahalanobis"}
         Distance of particles.
     covariance : (d, d) array-like, optional
-        Of mahalanobis. Without it, the mean of the covariances of all clouds of the run: such
-        results are comparable within a run only.
+        Covariance of mahalanobis. By default it is the mean of the covariances of all clouds of the
+        run: then only results of the same run are comparable.
     reduction : Reduction, optional
-        Clouds are reduced first, each once. The distance of the reduced clouds is a metric on them.
+        Reduction of each cloud before it is compared. The distance of reduced clouds is a metric on
+        them.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     gating : bool
-        Without, every pair of a step is solved; to check that nothing else changes.
+        Whether bounds exclude pairs. If not, every pair of a step is solved, as a check.
 
     Raises
     ------
     ConfigError
-        A word is none of these, or a covariance or scale is given that is wrong or of no use.
+        The order or inner distance is unknown, a covariance or scale is wrong, or a covariance is
+        given without mahalanobis.
     """
 
     order: int = 2
@@ -367,7 +369,7 @@ class CloudWasserstein(Distance):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Clouds."""
+        """Particle clouds."""
         return ("cloud",)
 
     @property
@@ -391,7 +393,7 @@ class CloudWasserstein(Distance):
         return self.inner_of_means.reach(cutoff, axes)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Check that covariance and scale are for so many columns."""
+        """Check that covariance and scale fit the number of columns."""
         self.inner_of_means.check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
@@ -443,7 +445,7 @@ class CloudWasserstein(Distance):
         return (ready[0], ready[1]), self._measure(len(sides[0].columns))
 
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives by the envelope theorem, with fixed optimal plan and weights.
+        """Return derivatives by the envelope theorem, for a fixed optimal plan and fixed weights.
 
         Raises
         ------
@@ -471,7 +473,7 @@ class CloudWasserstein(Distance):
 
 @dataclass(frozen=True, kw_only=True)
 class PairCloudWasserstein(CloudWasserstein):
-    """With a covariance of each pair, the mean of those of its two clouds: no metric.
+    """Distance with the mean of the covariances of the two clouds of each pair, not a metric.
 
     It is for the association of single pairs, never for TGOSPA.
     """
@@ -483,7 +485,7 @@ class PairCloudWasserstein(CloudWasserstein):
         return self
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Return the settings of clouds, and the name of this covariance."""
+        """Return the settings of clouds, with "pair" as the covariance."""
         return {**super().settings(columns), "inner_cov": "pair"}
 
     def _measure(self, size: int) -> Distance:
@@ -496,9 +498,9 @@ def reduced(
     resources: Resources,
     histories: list[list[float]] | None = None,
 ) -> Clouds:
-    """Reduce every cloud; notify the user if that takes long.
+    """Reduce every cloud, and notify the user if that takes long.
 
-    `histories` get the distance to each cloud before each iteration.
+    `histories` receives the distances to each cloud before each iteration.
     """
     is_large = clouds.counts > reduction.size
     if not is_large.any():
@@ -533,7 +535,7 @@ class SlicedPairs(CloudPairs):
 
     @property
     def has_gelbrich_bound(self) -> bool:
-        """False: the Gelbrich bound is one of the whole distance, which is larger."""
+        """False, because the Gelbrich bound is for the Wasserstein distance, which is larger."""
         return False
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -546,7 +548,7 @@ class SlicedPairs(CloudPairs):
         return np.asarray(whole)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach of the Euclidean distance that two means may have."""
+        """Return the reach by the largest Euclidean distance of the means of near clouds."""
         size = float(len(axes))
         factor = size if self.order == 1 and not self.maximum else np.sqrt(size)
         return super().reach(cutoff * factor * (1 + REACH_ROUNDING), axes)
@@ -583,26 +585,28 @@ class SlicedPairs(CloudPairs):
 class SlicedWasserstein(CloudWasserstein):
     """Wasserstein distance of the projections of clouds, mean of order q or largest of all.
 
-    A pseudometric on clouds: over finitely many directions different clouds may be at the distance
-    0. Exactly computed, by sorting; POT is not needed. Two points at the Euclidean distance r are
-    r / sqrt(d) apart with q = 2, less with q = 1, and more, up to r, by the largest.
+    It is a pseudometric on clouds: with finitely many directions, different clouds may have the
+    distance 0. Sorting computes it exactly; POT is not needed. Two points at the Euclidean distance
+    r have the distance r / sqrt(d) with q = 2, less with q = 1, and more, up to r, with `maximum`.
 
     Parameters
     ----------
     order, inner, covariance, reduction, scale, gating
-        As of `CloudWasserstein`; directions are taken in the space of the inner distance.
+        As in `CloudWasserstein`; directions are in the space of the inner distance.
     maximum : bool
-        The largest over the directions, max-sliced, instead of the mean.
+        Whether to use the largest over the directions (max-sliced) instead of the mean.
     directions : int, optional
-        How many, >= 2; by default 32 in two dimensions and 24 d in more, where they are rounded up
-        to whole orthonormal frames. In two dimensions their angles are pi (k + 1/2) / V, V >= 2.
+        Number of directions V >= 2; by default 32 in two dimensions. In more dimensions it is 24 d
+        by default, and is rounded up to whole orthonormal frames. In two dimensions the angles are
+        pi (k + 1/2) / V.
     seed : int
-        Of the frames.
+        Seed of the frames.
 
     Raises
     ------
     ConfigError
-        As of `CloudWasserstein`, or a number is out of range, or the reduction has others.
+        As in `CloudWasserstein`, a number is out of range, or directions or seed differ from those
+        of the reduction.
     """
 
     maximum: bool = False
@@ -624,12 +628,12 @@ class SlicedWasserstein(CloudWasserstein):
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """As on the command line."""
+        """Name as on the command line."""
         return "max-sliced-wasserstein" if self.maximum else "sliced-wasserstein"
 
     @property
     def lower_bound(self) -> Distance:
-        """Itself, which is cheap for means."""
+        """The distance itself, which is cheap for means."""
         return self
 
     def _measure(self, size: int) -> SlicedPairs:

@@ -13,12 +13,12 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Distance, DistanceSettings, Pairs, Sides
 from tgospa_eval.distances.vector import Norm, shares
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIRS_TOGETHER = 1 << 13
-"""Pairs of more than two components that are decomposed at a time."""
+"""Number of pairs of more than two components that are decomposed at a time."""
 
 MIXED = ("error", "moments")
 
@@ -27,31 +27,32 @@ Pair = tuple[Floats, Floats]
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianWasserstein(Distance):
-    """W2 of Gaussians, ``sqrt(|a - b|^2 + B^2)``: of the means, and B of the covariances.
+    """W2 of Gaussians, ``sqrt(|a - b|^2 + B^2)``, with the means a, b and B of the covariances.
 
-    B, the Bures distance, is least ``||F - G Q||`` over rotations and reflections Q, where the
-    covariances are F F' and G G'. A metric on Gaussians; states without covariance are points.
-    Means are compared as by the Euclidean norm, with its scales and periods; with a periodic
-    component it still is a metric, but no longer the distance of Gaussians on a circle.
+    B, the Bures distance, is the least ``||F - G Q||`` over rotations and reflections Q, where the
+    covariances are F F' and G G'. W2 is a metric on Gaussians; states without covariance are
+    points. Means are compared by the Euclidean norm, with its scales and periods. With a periodic
+    component W2 is still a metric, but it is not the distance of Gaussians on a circle.
 
-    Called with arrays, their last axis holds the d components of the mean and the d (d + 1) / 2 of
-    a lower factor of the covariance, row by row; see `gaussian_wasserstein` for covariances.
+    If the distance is called with arrays, their last axis has the d components of the mean and the
+    d (d + 1) / 2 components of a lower factor of the covariance, row by row. For covariances see
+    `gaussian_wasserstein`.
 
     Parameters
     ----------
     scale : sequence of float, optional
-        State units per unit of each column, > 0; covariances are scaled along.
+        State units per unit of each column, > 0; covariances are scaled as well.
     period : sequence of float, optional
-        Period of each column, > 0 in its unit; inf where it is not periodic.
+        Period of each column, > 0 in its unit; inf for a column that is not periodic.
     mixed : {"error", "moments"}
-        What becomes of particle clouds: refused, or replaced by the Gaussian of their mean and
-        covariance. Clouds with equal moments are then at the distance 0: no metric on clouds, but a
-        lower bound of the Wasserstein distance.
+        Treatment of particle clouds: they are refused, or replaced by the Gaussian of their mean
+        and covariance. Clouds with equal moments then have the distance 0, so it is not a metric on
+        clouds, but a lower bound of the Wasserstein distance.
 
     Raises
     ------
     ConfigError
-        A number is out of range, or a word is none of these.
+        A number is out of range, or `mixed` is unknown.
     """
 
     scale: Sequence[float] | None = None
@@ -63,12 +64,12 @@ class GaussianWasserstein(Distance):
     def __post_init__(self) -> None:
         if self.mixed not in MIXED:
             raise ConfigError(f"mixed is {quoted(self.mixed)}: must be one of {', '.join(MIXED)}")
-        for name in ("scale", "period"):  # check them, and make them tuples
+        for name in ("scale", "period"):  # check both, and make them tuples
             object.__setattr__(self, name, getattr(self._means, name))
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Gaussians, and clouds if their moments will do."""
+        """Gaussians, and with `mixed` "moments" clouds."""
         return ("gaussian", "cloud") if self.mixed == "moments" else ("gaussian",)
 
     @property
@@ -99,7 +100,7 @@ class GaussianWasserstein(Distance):
         return components
 
     def between(self, components: Iterable[Pair]) -> Floats:
-        """Return the distance of Gaussians, given component by component: means, then factors."""
+        """Return the distance of Gaussians, given by components: first means, then factors."""
         return np.hypot(*self._parts(components))
 
     def parts(self, pairs: Pairs, sides: Sides) -> Pair:
@@ -108,7 +109,7 @@ class GaussianWasserstein(Distance):
         return self._parts(zip(a, b, strict=True))
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives by the means: of their distance, times its share of the whole."""
+        """Return derivatives by the means: those of their distance times its share of the whole."""
         slopes = self._means.slopes(pairs, sides)
         means, spreads = self.parts(pairs, sides)
         whole = np.hypot(means, spreads)
@@ -145,13 +146,13 @@ def gaussian_wasserstein(
     Parameters
     ----------
     mean_a, mean_b : (..., d) array-like
-        Means; numbers are those of one component.
+        Means; a single number is a mean of one component.
     covariance_a, covariance_b : (..., d, d) array-like, optional
-        Covariances, singular ones, too; none is a point, a number a variance. One whose least
-        eigenvalue is negative by up to a thousandth of the largest is replaced by the nearest
-        without, with a warning.
+        Covariances, which may be singular; None means a point, a number is a variance. If the least
+        eigenvalue is negative by up to a thousandth of the largest, the matrix is replaced by the
+        nearest one without negative eigenvalues, with a warning.
     period : float or (d,) array-like, optional
-        Period of each component; inf where it is not periodic.
+        Period of each component; inf for a component that is not periodic.
 
     Returns
     -------
@@ -161,7 +162,7 @@ def gaussian_wasserstein(
     Raises
     ------
     InputError
-        Shapes do not fit, a number is not finite, or a matrix is no covariance.
+        Shapes do not fit, a number is not finite, or a matrix is not a covariance.
     ConfigError
         A period is out of range.
     """
@@ -241,21 +242,21 @@ def bures(factors: Sequence[Pair]) -> Floats:
 def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
     """Return the Bures distance of two components, in closed form.
 
-    With A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12`` the best Q turns by the angle t of
-    (p, s), a rotation because det A >= 0. Half of it is given to either side, ``||L1 R(-t/2) -
-    L2 R(t/2)||``: so the result is the same both ways, and 0 for equal covariances.
+    Let A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12``. The best Q turns by the angle t of
+    (p, s); it is a rotation because det A >= 0. Each side is turned by half of it, ``||L1 R(-t/2) -
+    L2 R(t/2)||``, so that the result is symmetric, and 0 for equal covariances.
     """
     (a1, a2), (b1, b2), (c1, c2) = first, second, third
     s = b1 * c2 - b2 * c1
     p = a1 * a2 + b1 * b2 + c1 * c2
     # (|p| + h, s), where h is the length of (p, s), has half the angle of (|p|, s).
-    ahead = np.abs(p) + np.sqrt(p * p + s * s)  # np.hypot takes ten times as long
+    ahead = np.abs(p) + np.sqrt(p * p + s * s)  # np.hypot is ten times slower
     length = np.sqrt(ahead * ahead + s * s)
-    if not length.all():  # no angle
+    if not length.all():  # (p, s) is zero: there is no angle
         ahead, length = (np.where(length > 0, x, 1.0) for x in (ahead, length))
     cosine, sine = ahead / length, s / length
     back = p < 0
-    if back.any():  # beyond a right angle, use half of the rest
+    if back.any():  # for angles beyond a right angle use half of the rest
         turned = np.copysign(cosine, s)
         cosine, sine = np.where(back, np.abs(sine), cosine), np.where(back, turned, sine)
     parts = (
@@ -270,8 +271,8 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 def _bures_many(factors: Sequence[Pair]) -> Floats:
     """Return the Bures distance of any number of components, by SVD in blocks of pairs.
 
-    Q = U V' where A = L2' L1 = U S V'. Which of two covariances is the first is decided by their
-    numbers, so that the rounding is the same both ways.
+    Q = U V' where A = L2' L1 = U S V'. The values decide which of two covariances comes first, so
+    that the rounding is symmetric.
     """
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
@@ -292,7 +293,7 @@ def _bures_many(factors: Sequence[Pair]) -> Floats:
 
 
 def _dimension(count: int) -> int:
-    """Return the d of d components of a mean and d (d + 1) / 2 of a factor."""
+    """Return d from the number of components, d of a mean and d (d + 1) / 2 of a factor."""
     d = covariances.size_of(count + 1) - 1
     if d < 1 or d * (d + 3) // 2 != count:
         raise InputError(

@@ -20,33 +20,33 @@ from tgospa_eval.distances.base import (
 )
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SINGULAR = 1e-6
-"""Pivot of the correlation matrix below which a matrix is singular but for rounding."""
+"""Pivot of the correlation matrix below which a matrix counts as singular."""
 
 NEARLY_DETERMINED = 0.5
-"""A column gets a residual if its standard deviation given those before it is less of its own."""
+"""Share of its standard deviation that a column keeps given the columns before it; with less it has
+a residual."""
 
 LARGEST_REST = 1e300
-"""Largest residual, so that differences are doubles."""
+"""Limit of residuals, so that differences are doubles."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mahalanobis(Distance):
     """Difference in units of its own standard deviation, ``sqrt((a - b)' C^-1 (a - b))``.
 
-    A metric on states because the covariance C is the same for all of them. Differences are scaled
-    first: with scales, C is in state units. The result has no unit, nor have cutoff and switch
-    penalty.
+    It is a metric on states because the covariance C is the same for all of them. Differences are
+    scaled first: with scales, C is in state units. Result, cutoff and switch penalty have no unit.
 
     Parameters
     ----------
     covariance : (d, d) array-like
-        Symmetric and positive definite. The record of the name ``"mahalanobis"`` has none, and
-        compares nothing.
+        Symmetric and positive definite matrix. The record for the name ``"mahalanobis"`` has no
+        covariance, and cannot compare states.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
 
@@ -93,7 +93,7 @@ class Mahalanobis(Distance):
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the columns, and the residuals of those that earlier ones nearly determine."""
+        """Return the columns, and residuals of the columns that earlier ones nearly determine."""
         weights = self._weights()
         if not len(weights):
             return axes
@@ -101,12 +101,12 @@ class Mahalanobis(Distance):
         return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the span of the ellipsoid: c standard deviations of each column and residual.
+        """Return the extent of the ellipsoid: c standard deviations of each column and residual.
 
         By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` for all weights f. Rounding of
-        the distance adds to ``|L' f|`` some 2^-50 of the sum of |f| in standard deviations, as
-        forward substitution is backward stable; rounding of a residual is up to such a part of the
-        sum of its terms. A state for which that sum is no double is near to all.
+        the distance adds to ``|L' f|`` about 2^-50 of the sum of |f| in standard deviations,
+        because forward substitution is backward stable. Rounding of a residual is at most a similar
+        share of the sum of its terms. A state for which this sum overflows is near all states.
         """
         deviation: Floats = self.__dict__["_deviation"] / np.asarray(self.scale or 1.0)
         plain = (cutoff * (1 + REACH_ROUNDING) ** 2 * deviation)[:, None]
@@ -125,7 +125,7 @@ class Mahalanobis(Distance):
         return weights * (np.asarray(self.scale or 1.0) / deviation)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Check that covariance and scale are for so many columns."""
+        """Check that covariance and scale fit the number of columns."""
         if self.covariance is None:
             raise ConfigError("mahalanobis needs a covariance: Mahalanobis(covariance=...)")
         check_length("covariance", np.asarray(self.covariance), columns, name)
@@ -138,12 +138,12 @@ class Mahalanobis(Distance):
 
 
 def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
-    """Return the lower factor L of a covariance ``L L'``; check its size if one is given.
+    """Return the lower factor L of a covariance ``L L'``; check its size if `size` is given.
 
     Raises
     ------
     ConfigError
-        The matrix is not square, symmetric and positive definite, or of another size.
+        The matrix is not square, symmetric and positive definite, or has another size.
     """
     matrix = _matrix(covariance)
     if size is not None and len(matrix) != size:
@@ -154,10 +154,10 @@ def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class PairMahalanobis(Distance):
-    """With a covariance of each pair, the mean of those of its two states: no metric.
+    """Distance with the mean of the covariances of the two states of each pair, not a metric.
 
     It is for the association of single pairs, never for TGOSPA. States without covariance are
-    points. It does not depend on the units of the columns, nor on their `scale`.
+    points. It depends neither on the units of the columns nor on their `scale`.
     """
 
     scale: Sequence[float] | None = None
@@ -170,7 +170,7 @@ class PairMahalanobis(Distance):
         return ("gaussian",)
 
     def fitted(self, sides: Sides) -> "PairMahalanobis":
-        """Return the same distance, if there are covariances.
+        """Return the distance itself, after a check that there are covariances.
 
         Raises
         ------
@@ -194,7 +194,7 @@ class PairMahalanobis(Distance):
         return components
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distance of Gaussians by component; 0 if the covariance is singular."""
+        """Return the distance of Gaussians by components; 0 if the covariance is singular."""
         rows = [np.broadcast_arrays(a, b) for a, b in components]
         d = covariances.size_of(len(rows) + 1) - 1
         differences = [(a - b).ravel() for a, b in rows[:d]]
@@ -214,12 +214,12 @@ class PairMahalanobis(Distance):
         return axes[: covariances.size_of(len(axes) + 1) - 1]
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return c standard deviations: the larger of two bounds that of their mean covariance."""
+        """Return c standard deviations; the mean covariance has at most the larger of both."""
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the same pairs, if no covariance of a pair is singular.
+        """Return the pairs, after a check that the covariance of each is not singular.
 
         Raises
         ------
@@ -239,12 +239,12 @@ class PairMahalanobis(Distance):
         return pairs
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Return the name of this covariance."""
+        """Return "pair" as the covariance."""
         return {"covariance": "pair"}
 
 
 def _diagonal(d: int) -> list[int]:
-    """Return the positions of the diagonal in a lower triangle."""
+    """Return the positions of the diagonal in a packed lower triangle."""
     return [i * (i + 3) // 2 for i in range(d)]
 
 
@@ -289,8 +289,8 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
 def _residuals(factor: Floats) -> tuple[Floats, Floats]:
     """Return weights f (m, d) of residuals of nearly determined columns, and ``|L' f|`` (m,).
 
-    A column less its regression on those before it is f' v, where f is its row of L^-1 and has 1
-    for the column itself; all in standard deviations. How well L^-1 is computed does not matter.
+    A column minus its regression on the columns before it is f' v, in standard deviations. Here f
+    is its row of L^-1, scaled to 1 for the column itself. The accuracy of L^-1 does not matter.
     """
     strong = np.diag(factor) < NEARLY_DETERMINED
     weights: Floats = (np.linalg.inv(factor) * np.diag(factor)[:, None])[strong]

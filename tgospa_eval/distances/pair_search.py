@@ -1,6 +1,6 @@
 """Search for pairs of one step nearer than the cutoff, in time and memory of the near pairs.
 
-Some searches go further than that; the last word has `tgospa_problem` in `problem.metric_family`.
+Some searches return more pairs; `tgospa_problem` in `problem.metric_family` makes the decision.
 """
 
 from collections.abc import Iterator
@@ -21,32 +21,32 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
 
 MAX_PAIRS = 128
-"""Pairs for each row that are compared after sorting along one axis alone."""
+"""Largest number of pairs per row that are compared after sorting along one axis only."""
 
 NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
-"""Norms as the kernels call them."""
+"""Numbers of the norms in the kernels, by power."""
 
 Ranges = tuple[Ints, Ints]
-"""First row and end of the rows of each step, of truth and estimate (2, T)."""
+"""First row and end of the rows of each step (2, T), for truth and estimate."""
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
-    """Return the first row and the end of the rows of each of some steps (2, T)."""
-    wanted = np.empty((2, len(steps)), side.step.dtype)  # else the whole column is converted
+    """Return the first row and the end of the rows of each of the given steps (2, T)."""
+    wanted = np.empty((2, len(steps)), side.step.dtype)  # otherwise the whole column is converted
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
     return side.step.searchsorted(wanted)
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
-    """Return pairs of some steps nearer than the cutoff; None if kernels are not quick for them.
+    """Return pairs of some steps nearer than the cutoff; None if kernels are not fast for them.
 
     Parameters
     ----------
     sides : pair of Trajectories
         Truth and estimate.
     rows : pair of (2, T) int64 arrays
-        Rows of either side that are compared with each other, as of `rows_at`.
+        Rows of either side at the steps, as from `rows_at`.
     cutoff : float
         > 0.
     distance : Distance
@@ -55,7 +55,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
     Returns
     -------
     Pairs, optional
-        Of rows that are counted from the first of these steps, without those of others.
+        Pairs of rows, which are counted from the first of these steps, without rows of other steps.
     """
     norm = plain_norm(sides, distance)
     if norm is None:
@@ -69,7 +69,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
 
 
 def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
-    """Return power and scales of a norm that the kernels know, for states that they can read."""
+    """Return the kernels' number of a norm, and its scales; None if kernels cannot be used."""
     if kernels is None or not isinstance(distance, Norm) or distance.period is not None:
         return None
     if not all(side.state.flags.c_contiguous for side in sides):
@@ -79,48 +79,48 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 
 
 # -------------------------------------------------------------------------------------------------
-# Candidates for near pairs: the pairs of a step that sorting along the axes leaves.
+# Candidates for near pairs: the pairs of a step that remain after sorting along the axes.
 #
-# Each point has a reach on each axis: near points differ by less than the
-# larger of their two reaches. The estimates are sorted by (step, cell, coordinate), where the cells
-# are as wide as the largest reach: the candidates of a truth are a few runs of that order, found by
-# bisection. One axis after the other is used until the candidates are few. The exact differences of
-# the candidates decide, so that rounding of the cells costs candidates, never pairs.
+# Each point has a reach on each axis: near points differ by less than the larger of their two
+# reaches. The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the
+# largest reach. The candidates of a truth row are a few runs of this order, found by bisection. One
+# axis after the other is used until the candidates are few. The exact differences of the candidates
+# decide, so that rounding of the cells adds candidates, and never loses pairs.
 #
-# If that leaves many and reaches are unequal, points with a small one are searched separately from
-# those with a large one, and so on. If many are still left, a tree is searched.
+# If many candidates are left and reaches are unequal, points with small and with large reaches are
+# searched separately, recursively. If many are still left, a tree is searched.
 
 CANDIDATES_TOGETHER = 1 << 14
-"""Candidates compared at a time; those of one truth are never divided."""
+"""Number of candidates compared at a time; those of one truth row are never divided."""
 
 FEW_CANDIDATES = 8
-"""Candidates per row that are compared rather than sorted out by one more axis."""
+"""Number of candidates per row up to which no further axis is used."""
 
 CELL_AXES = 3
-"""Axes that cells are made of; each but one multiplies the runs of a truth by 3."""
+"""Largest number of axes of cells; each but the first multiplies the runs of a truth row by 3."""
 
 MANY_CANDIDATES = 64
-"""Candidates per row and per near pair beyond which a tree is the quicker way."""
+"""Number of candidates per row and per near pair above which a tree is faster."""
 
 SAMPLED_TRUTHS = 100
-"""Truths whose near pairs are counted for a guess."""
+"""Number of truth rows whose near pairs are counted for an estimate."""
 
 EQUAL_REACHES = 4.0
-"""Reaches of a side are one class if the largest is no more than so many times the least."""
+"""Ratio of the largest to the least reach of a side up to which the reaches are not divided."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedSide:
-    """The rows of one side at some consecutive steps.
+    """Rows of one side at some consecutive steps.
 
     Parameters
     ----------
     first : int
-        Row where they begin.
+        The first row.
     step : (R,) int array
-        Counted from the first of the steps.
+        Step of each row, counted from the first of the steps.
     at : (steps + 1,) int array
-        Where each step begins, counted from `first`.
+        First row of each step, counted from `first`, and the end.
     axes : (d, R) float array
         Coordinates.
     """
@@ -132,21 +132,21 @@ class SearchedSide:
 
 
 Candidates = tuple[Ints, Ints, Ints]
-"""Estimates in an order of their own, and of each truth the begins and the lengths (runs, R) of the
-runs of that order."""
+"""An order of the estimate rows, and the begins and the lengths (runs, R) of the runs of this order
+that are the candidates of each truth row."""
 
 
 def search(
     a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield pairs that differ by less than the larger reach on every axis, or some more, in order.
+    """Yield, in order, all pairs within the larger reach on every axis, and maybe other pairs.
 
     Parameters
     ----------
     a, b : SearchedSide
         Points.
     reaches : two (d, R) or (d, 1) float arrays
-        Of `a` and of `b`; finite and > 0.
+        Reaches of `a` and of `b`; finite and > 0.
     power : float
         Minkowski norm of the differences, in units of the larger reach, that is at most 1 for all
         pairs that are needed.
@@ -159,7 +159,7 @@ def search(
     if len(reach) and count.sum() > max(MANY_CANDIDATES * rows, CANDIDATES_TOGETHER):
         ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
         which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
-        if ratio[which, axis] > EQUAL_REACHES:  # that side and axis differ the most
+        if ratio[which, axis] > EQUAL_REACHES:  # reaches differ most on this side and axis
             del order, begin, count
             yield from _divided((a, b), reaches, power, which, axis)
             return
@@ -182,7 +182,8 @@ def _divided(
 ) -> Iterator[tuple[Ints, Ints]]:
     """Yield pairs in order, searched separately for small and for large reaches of a side.
 
-    They are divided at their geometric mean: a few halvings of the logarithm leave equal ones.
+    Reaches are divided at the geometric mean of the least and the largest, so that a few divisions
+    leave nearly equal ones.
     """
     own = reaches[which]
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
@@ -205,7 +206,7 @@ def _divided(
 
 
 def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
-    """Choose the fewest axes that leave few candidates, in order of spread in reaches."""
+    """Return candidates by the fewest axes that leave few; axes with wide spreads come first."""
     begin = b.at[a.step]
     candidates: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
     enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
@@ -214,7 +215,7 @@ def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
     smallest, largest = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
     if np.any(np.maximum(*smallest) - np.minimum(*largest) >= reach):
         return *candidates[:2], np.zeros_like(candidates[2])
-    # Halves, whose differences do not overflow.
+    # Differences of halves do not overflow.
     low = 0.5 * np.minimum(*smallest)
     spread = 0.5 * np.maximum(*largest) - low
     axes = np.argsort(-spread / reach, kind="stable")[:CELL_AXES]
@@ -228,15 +229,15 @@ def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
 def _by_cells(
     a: SearchedSide, b: SearchedSide, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
 ) -> Candidates:
-    """Return candidates by cells along all axes but the first, and by finer ones along that.
+    """Return candidates by cells along all axes; the cells along the first axis are finer.
 
     A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
-    2^-12. With n cells to a reach, widened by 2^-10, numbers of near points differ by n at most:
+    2^-12. With n cells per reach, widened by 2^-10, numbers of near points differ by at most n:
     |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
-    The numbers of all axes and of the step make one key; the margin of an axis keeps its
-    neighbours from reaching those of another key. Where a key would have too many bits, or the
-    quotient too few, the cells are wider.
+    The numbers of all axes and of the step make one key. A margin on each axis separates the
+    neighbours of different keys. If a key would have too many bits, or the quotient too few, the
+    cells are wider.
     """
     bits = min(40, (62 - len(a.at).bit_length()) // len(axes) - 1)
     key_a, key_b = a.step, b.step
@@ -256,7 +257,7 @@ def _by_cells(
             offset = (offset[:, None] + np.arange(-1, 2)).ravel()
     order = np.argsort(key_b)
     key_b = key_b[order]
-    order_a = np.argsort(key_a)  # bisection is twice as quick for sorted keys
+    order_a = np.argsort(key_a)  # bisection is twice as fast for sorted keys
     key_a = key_a[order_a]
     begin = np.empty((len(offset), len(key_a)), np.int64)
     count = np.empty_like(begin)
@@ -290,12 +291,12 @@ def _compared(
 def _tree(
     a: SearchedSide, b: SearchedSide, step: int, reach: Floats, power: float
 ) -> tuple[Ints, Ints]:
-    """Yield pairs of a step within the reach, and some beyond, by a k-d tree.
+    """Return the pairs of a step within the reach, and some beyond it, by a k-d tree.
 
-    Axes are scaled by powers of two, which is exact, and so that no square overflows. Where their
-    reaches differ, that leaves them up to twice as wide as need be.
+    Axes are scaled by powers of 2, which is exact and avoids overflow of squares. If reaches of
+    axes differ, the scaled reaches are up to twice as wide as necessary.
     """
-    from scipy.spatial import KDTree  # lazy: most evaluations do without SciPy
+    from scipy.spatial import KDTree  # lazy: most evaluations do not need SciPy
 
     radius, exponent = np.frexp(reach)
     trees = []
@@ -312,10 +313,10 @@ def _tree(
 Value = TypeVar("Value", bound=np.generic)
 
 ROWS_TOGETHER = 1 << 15
-"""Rows searched at a time; a step is never divided."""
+"""Number of rows searched at a time; a step is never divided."""
 
 
-# Differences and sums of huge coordinates may overflow: infinitely far is right.
+# Differences and sums of huge coordinates may overflow to infinity, which is right for them.
 @np.errstate(over="ignore", invalid="ignore")
 def near_pairs(
     truth: Trajectories,
@@ -324,9 +325,9 @@ def near_pairs(
     distance: Distance,
     resources: Resources | None = None,
 ) -> Pairs:
-    """Return pairs of one step nearer than `cutoff`, in one thread unless `resources` says more.
+    """Return pairs of one step nearer than `cutoff`, in one thread unless `resources` has more.
 
-    Both must be on the same times.
+    Both sides must be at the same times.
     """
     resources = resources or Resources(jobs=1)
     sides, distance = distance.prepared((truth, estimate), resources)
@@ -338,7 +339,7 @@ def prepared_pairs(
 ) -> Pairs:
     """Return near pairs as `near_pairs`, of sides prepared by `Distance.prepared`.
 
-    With a `margin` also pairs that are no more than that beyond the cutoff.
+    With a `margin`, pairs up to this distance beyond the cutoff are included.
     """
     with DISTANCES.blamed(distance.name), np.errstate(over="ignore", invalid="ignore"):
         return _prepared_pairs(sides, cutoff, distance, resources, margin)
@@ -392,7 +393,7 @@ def _prepared_pairs(
 def _search(
     a: SearchedSide, b: SearchedSide, cutoff: float, distance: Distance
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield candidates, by those axes of the embedded states that can separate some."""
+    """Yield candidates by the axes of the embedded states on which all reaches are finite."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
     finite = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
@@ -403,14 +404,14 @@ def _search(
 
 
 class _Column(Generic[Value]):
-    """An array that grows in place: many small parts would leave holes in memory when joined."""
+    """Array that grows in place: joining many small parts would leave holes in memory."""
 
     def __init__(self, kind: type[Value]) -> None:
         self.values: NDArray[Value] = np.zeros(0, kind)
         self.size = 0
 
     def add(self, part: NDArray[Value]) -> None:
-        """Put it behind what is there."""
+        """Append a part."""
         end = self.size + len(part)
         if end > len(self.values):
             self.values.resize(end + end // 8, refcheck=False)
@@ -418,7 +419,7 @@ class _Column(Generic[Value]):
         self.size = end
 
     def done(self) -> NDArray[Value]:
-        """Return what was added."""
+        """Return the array of all parts."""
         self.values.resize(self.size, refcheck=False)
         return self.values
 
@@ -430,7 +431,7 @@ def starts_of_steps(side: Trajectories) -> Ints:
 
 
 def _together(done: Ints) -> Iterator[tuple[int, int]]:
-    """Return ranges of steps of `ROWS_TOGETHER` rows each; `done` counts rows before a step."""
+    """Yield ranges of steps with about `ROWS_TOGETHER` rows; `done` counts rows before a step."""
     cuts = np.flatnonzero(np.diff(done[:-1] // ROWS_TOGETHER)) + 1
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 

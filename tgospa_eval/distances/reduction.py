@@ -1,18 +1,18 @@
-"""Fewer particles that stand for many: Dirac mixture reduction. Knows single clouds only.
+"""Clouds with fewer particles: Dirac mixture reduction, for single clouds.
 
 The sliced method minimises the mean squared Wasserstein distance of projections,
 
     sum_k W_2^2(v_k' X, v_k' Y)  over the positions X of n particles of weight 1/n.
 
 In each direction v_k the best partner of the particle whose projection has the rank r is b_k[r],
-the mean of the r-th of n slots of equal mass of the sorted projections of Y. With ranks held, least
+the mean of the r-th of n slots of equal mass of the sorted projections of Y. For fixed ranks, least
 squares give all particles at once,
 
     x_i <- S^-1 sum_k v_k b_k[rank of v_k' x_i],   S = sum_k v_k v_k',
 
 and no step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix:
-R'R is block diagonal with S, whatever the permutations. See docs/theory/clouds.md for what is
-corrected there.
+R'R is block diagonal with S for all permutations. docs/theory/clouds.md lists corrections of the
+paper.
 """
 
 from collections.abc import Callable
@@ -36,41 +36,41 @@ from tgospa_eval.distances.transport import (
     sampled,
 )
 from tgospa_eval.errors import ConfigError, whole_number
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
 
 PRIOR = 100.0
-"""Variance of the particles before a sweep of the recursive method, in units of their own."""
+"""Variance of particles before a sweep of the recursive method, relative to that of a slot mean."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reduction:
-    """Settings by which clouds are reduced.
+    """Settings of the reduction of clouds.
 
     Parameters
     ----------
     size : int
-        Particles to keep, >= 1. A cloud that has no more is not changed; of one that has no more
-        distinct ones, those are returned with their weights.
+        Number of particles to keep, >= 1. A cloud with at most so many particles is not changed. A
+        cloud with at most so many distinct particles becomes these, with their weights.
     method : str
-        ``"sliced"``: least squares on projections, `directions` of them; ``"recursive"``: the same
+        ``"sliced"``: least squares on projections on `directions`; ``"recursive"``: the same,
         direction by direction; ``"atl"``: transport and location in turn (Cooper); ``"kmeans"``:
         means of clusters, weighted with their mass; ``"systematic"``, ``"stratified"``,
         ``"multinomial"``: resampling; ``"top"``: the highest weights.
     directions : int or (V, d) array-like, optional
-        Of sliced and recursive: how many, by default 32 in two dimensions and 24 d in more; or
-        the directions themselves, rows that span the space.
+        Number of directions of sliced and recursive, by default 32 in two dimensions and 24 d in
+        more; or the directions themselves, rows that span the space.
     iterations : int
-        Of the first four methods, at most.
+        Largest number of iterations of the first four methods.
     restarts : int
-        Of the first four methods: further starts are random, and the result that is nearest to the
-        cloud is kept.
+        Number of starts of the first four methods. Starts after the first are random, and the
+        result nearest to the cloud is kept.
     polish : int
-        Steps of ``"atl"`` after the last iteration of sliced and recursive.
+        Number of steps of ``"atl"`` after the last iteration of sliced and recursive.
     seed : int
-        Of random directions, starts and draws. Every cloud begins with it anew: equal clouds are
-        reduced alike, in whatever order their particles are.
+        Seed of random directions, starts and draws, used again for each cloud: equal clouds have
+        equal reductions, in any order of their particles.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class Reduction:
             whole_number("directions", self.directions)
 
     def settings(self) -> DistanceSettings:
-        """Return the settings that change the number, by the names of the options."""
+        """Return the settings that change the value, by the names of the options."""
         record: DistanceSettings = {"reduce": self.size, "reduce_method": self.method}
         if self.method != "top":
             record["seed"] = self.seed
@@ -114,16 +114,17 @@ class Reduction:
     def __call__(self, cloud: Cloud, start: Floats | None = None) -> Cloud:
         """Return the cloud with fewer particles; points (N, d), weights (N,) that sum to 1.
 
-        `start` are positions (size, d) to begin with, instead of those drawn systematically.
+        `start` has the first positions (size, d), instead of systematically drawn ones.
         """
         return self.trace(cloud, start)[0]
 
     def trace(self, cloud: Cloud, start: Floats | None = None) -> tuple[Cloud, list[float]]:
         """Reduce a cloud, and return the distance to it before each iteration as well.
 
-        The root of what the method makes smaller: of sliced and recursive the mean of W_2^2 along
-        the directions ([Prossel] equation 12), of atl W_2^2 (equation 3), of kmeans the mean
-        squared distance to the nearest centre. Empty for other methods, or if nothing is reduced.
+        The distance is the root of the objective of the method. For sliced and recursive this is
+        the mean of W_2^2 along the directions ([Prossel] equation 12), for atl W_2^2 (equation 3),
+        for kmeans the mean squared distance to the nearest centre. The list is empty for other
+        methods, or if nothing is reduced.
         """
         points, weights = cloud
         if self.size >= len(points):
@@ -156,7 +157,7 @@ class Reduction:
         return (x + centre, mass), costs
 
     def _improved(self, cloud: Cloud, x: Floats, step: "Step") -> tuple[Cloud, list[float]]:
-        """Iterate so many steps, or until positions stay; then polish."""
+        """Iterate until positions stay, or the limit is reached; then polish."""
         costs = []
         for _ in range(self.iterations):
             before = x
@@ -183,32 +184,33 @@ def reduce_cloud(
     seed: int = 0,
     start: ArrayLike | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return a cloud of fewer particles that is near to the given one; the mean is kept.
+    """Return a cloud of fewer particles that is near the given one; the mean is kept.
 
     Parameters
     ----------
     points : (N, d) array-like
         Particles.
     weights : (N,) array-like or None
-        >= 0, not all zero; normalised. None: equal ones.
+        Weights >= 0, not all zero, which are normalised. None means equal weights.
     size : int
-        Particles to keep, >= 1. A cloud that has no more is returned as it is; of one that has no
-        more distinct ones, those are returned with their weights.
+        Number of particles to keep, >= 1. A cloud with at most so many particles is returned as it
+        is. Of a cloud with at most so many distinct particles, these are returned with their
+        weights.
     method, directions, iterations, restarts, polish, seed
         See `Reduction`. Resampling and ``"top"`` do not keep the mean.
     start : (size, d) array-like, optional
-        Positions to begin with, instead of those drawn systematically.
+        First positions, instead of systematically drawn ones.
 
     Returns
     -------
     points, weights : (size, d) and (size,) arrays
-        Of equal weight, but for ``"kmeans"`` and ``"top"``.
+        Particles of equal weight, except with ``"kmeans"`` and ``"top"``.
 
     Raises
     ------
     ConfigError
-        As for `cloud_wasserstein`; a setting has no meaning; POT is needed, for ``"atl"``,
-        `polish` and `restarts`, and not installed.
+        As for `cloud_wasserstein`; a setting is invalid; or POT, which ``"atl"``, `polish` and
+            `restarts` need, is not installed.
 
     Notes
     -----
@@ -241,7 +243,7 @@ def sliced_wasserstein(a: Cloud, b: Cloud, directions: Floats) -> float:
 
 
 def spread_directions(size: int, count: int | None, rng: "np.random.Generator") -> Floats:
-    """Return evenly spread unit vectors (V, d): angles in the plane, else random frames.
+    """Return evenly spread unit vectors (V, d): angles in the plane, otherwise random frames.
 
     In more than two dimensions V is rounded up to whole frames.
     """
@@ -260,7 +262,7 @@ def spread_directions(size: int, count: int | None, rng: "np.random.Generator") 
 def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
     """Return means (size,) of slots of equal mass of values (N,), in ascending order.
 
-    The slots are cut out of the cumulative sums of weight and of weight times value: no plan.
+    The slots are cut from the cumulative sums of weight and of weight times value, without a plan.
     """
     order = np.argsort(values, kind="stable")
     mass = np.concatenate(([0.0], np.cumsum(weights[order])))
@@ -271,7 +273,7 @@ def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
 # --- methods: from a cloud to a step that improves positions --------------------------------------
 
 Step = Callable[[Floats], tuple[Cloud, float]]
-"""Better positions and their weights; what those before cost."""
+"""Function from positions to better positions with weights, and the cost of the former."""
 
 
 def _projections(
@@ -298,7 +300,7 @@ def _projections(
 def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
     """Return for each direction and particle the slot mean of its rank (V, n); ties by position.
 
-    Particles that coincide have different ranks and so go different ways.
+    Particles that coincide have different ranks, and so they separate.
     """
     order = np.argsort(v @ x.T, axis=1, kind="stable")
     matched = np.empty_like(b)
@@ -321,7 +323,7 @@ def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -
     """Iterate ``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each v.
 
     [Prossel] equations 19 to 24, with the gain in equation 20: least squares with a weak pull to
-    where it began. Ranks are those of the beginning; those on the way lead to worse positions.
+    the start. Ranks are those of the start; updated ranks lead to worse positions.
     """
     v, b, within = _projections(reduction, cloud, rng)
 
@@ -347,9 +349,9 @@ def _even(x: Floats) -> Cloud:
 
 
 def _relocated(cloud: Cloud, x: Floats) -> tuple[Cloud, float]:
-    """Move each particle to the mean of what an optimal plan brings it, [Prossel] equation 7.
+    """Move each particle to the mean of its mass in an optimal plan, [Prossel] equation 7.
 
-    And what the plan costs, as |x|^2 + |y|^2 - 2 x'y under it.
+    Also return the cost of the plan, as |x|^2 + |y|^2 - 2 x'y under the plan.
     """
     points, weights = cloud
     brought = plan(_even(x), cloud, 2) @ points
@@ -358,7 +360,7 @@ def _relocated(cloud: Cloud, x: Floats) -> tuple[Cloud, float]:
 
 
 def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:  # noqa: ARG001
-    """Iterate Lloyd's algorithm; a centre without particles moves to the costliest one."""
+    """Iterate Lloyd's algorithm; a centre without particles moves to the costliest particle."""
     from scipy.spatial.distance import cdist
 
     points, weights = cloud

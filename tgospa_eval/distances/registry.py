@@ -1,6 +1,7 @@
-"""The base distances by name: ours, and those of other packages.
+"""Base distances by name, of this package and of other packages.
 
-Imports nothing heavy. How to add one: docs/architecture.md, from outside docs/reference/extend.md.
+This module has no slow imports. docs/architecture.md explains how to add a distance here, and
+docs/reference/extend.md how to add one from another package.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _distance(name: str, value: Any) -> "Distance":
-    """Return a record, or one of a class with the default settings."""
+    """Return the record of a distance, or of a class with its default settings."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     record = value() if isinstance(value, type) else value
@@ -45,7 +46,7 @@ DISTANCES: "Registry[Distance]" = Registry(
 
 
 def as_distance(distance: "str | Distance | None") -> "Distance":
-    """Return a record, or that of a name with default settings; euclidean if none is chosen."""
+    """Return the record of a distance or of a name, with default settings; by default euclidean."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     if isinstance(distance, Distance):

@@ -11,7 +11,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Sides
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 RADIUS = 6371008.8
@@ -22,8 +22,8 @@ RADIUS = 6371008.8
 class Haversine(Distance):
     """Length of the great circle between (lat, lon) in degrees, on a sphere, in metres.
 
-    A metric on the points of the sphere: longitudes that differ by 360 are the same, and so are
-    all longitudes at a pole.
+    It is a metric on the points of the sphere: longitudes that differ by 360 are the same, and so
+    are all longitudes at a pole.
     """
 
     name = "haversine"
@@ -40,7 +40,7 @@ class Haversine(Distance):
         Raises
         ------
         InputError
-            They are not.
+            The columns are not places, or have heights.
         """
         if columns == (*PLACES, HEIGHT):
             raise InputError(
@@ -52,7 +52,7 @@ class Haversine(Distance):
 
     @property
     def tree_power(self) -> float:
-        """A chord is no longer than its arc."""
+        """2, because a chord is at most as long as its arc."""
         return 2.0
 
     def last_place(self, sides: Sides) -> float:
@@ -60,16 +60,16 @@ class Haversine(Distance):
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distance of points that are given as latitudes and longitudes.
+        """Return the distance of points, given as latitudes and longitudes.
 
         With the differences dlat, dlon and the mean latitude,
 
             h = sin(dlat / 2)^2 + cos(lat a) cos(lat b) sin(dlon / 2)^2,
             1 - h = sin(mean lat)^2 + cos(lat a) cos(lat b) cos(dlon / 2)^2,
 
-        the second being the first for the antipode of b, and the distance is
-        ``2 R atan2(sqrt(h), sqrt(1 - h))``. Both are sums of squares, so that nothing cancels:
-        neither tiny distances nor those between antipodes lose digits.
+        where the second is the first for the antipode of b. The distance is ``2 R atan2(sqrt(h),
+        sqrt(1 - h))``. h and 1 - h are sums of squares without cancellation, so that neither tiny
+        distances nor distances of antipodes lose digits.
         """
         (lat_a, lat_b), (lon_a, lon_b) = components
         turn = np.abs(np.fmod(np.fmod(lon_a, 360.0) - np.fmod(lon_b, 360.0), 360.0))
@@ -92,7 +92,7 @@ class Haversine(Distance):
         return shares(slopes, width)
 
     def embed(self, axes: Floats) -> Floats:
-        """Return points of the sphere."""
+        """Return the points on the sphere."""
         latitude, longitude = axes[0], np.radians(np.fmod(axes[1], 360.0))
         across = RADIUS * _cosine(latitude)
         return np.array(
@@ -104,7 +104,7 @@ class Haversine(Distance):
         )
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff, and the rounding of the points: no chord is longer than its arc."""
+        """Return the cutoff plus the rounding of points: a chord is at most as long as its arc."""
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
 
@@ -117,7 +117,7 @@ SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
 """The ellipsoid WGS 84, in metres."""
 
 ECCENTRICITY = FLATTENING * (2 - FLATTENING)
-"""The square of the first one."""
+"""Square of the first eccentricity of WGS 84."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,13 +128,14 @@ class Geodesic(Distance):
 
         d^2 = s^2 + (W (alt a - alt b))^2,   s the length of the shortest path.
 
-    Shortest paths make a metric on any surface, and the root of the squares of two metrics is one
-    on pairs. Lengths are right within 15 nanometres (Karney, "Algorithms for geodesics", 2013).
+    Lengths of shortest paths are a metric on any surface, and the root of the sum of squares of two
+    metrics is a metric on pairs. The error of lengths is at most 15 nanometres (Karney, "Algorithms
+    for geodesics", 2013).
 
     Parameters
     ----------
     vertical_weight : float
-        W > 0: how much a metre of height counts.
+        W > 0: weight of a metre of height.
 
     Raises
     ------
@@ -155,7 +156,7 @@ class Geodesic(Distance):
 
     @property
     def tree_power(self) -> float:
-        """A chord is no longer than any path on the surface."""
+        """2, because a chord is at most as long as any path on the surface."""
         return 2.0
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
@@ -164,7 +165,7 @@ class Geodesic(Distance):
         Raises
         ------
         InputError
-            They are none, or heights count and there are none.
+            The columns are not places, or there is a weight but no column of heights.
         """
         if columns not in (PLACES, (*PLACES, HEIGHT)):
             raise InputError(
@@ -178,7 +179,7 @@ class Geodesic(Distance):
             )
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Return the weight of heights, if there are any."""
+        """Return the weight of heights, if there is a column of heights."""
         return {"vertical_weight": self.vertical_weight} if HEIGHT in columns else {}
 
     def last_place(self, sides: Sides) -> float:
@@ -203,8 +204,8 @@ class Geodesic(Distance):
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
         """Return derivatives by latitude, longitude (metres per degree) and height of ``b``.
 
-        That of s is the cosine of the direction at b times the radius of the meridian, and the sine
-        times that of the parallel.
+        The derivatives of s are the cosine of the direction at b times the radius of the meridian,
+        and its sine times the radius of the parallel.
         """
         direction, path = self._paths((a[0], a[1]), (b[0], b[1]))
         direction, latitude = np.radians(direction), np.radians(b[0])
@@ -220,7 +221,7 @@ class Geodesic(Distance):
         return shares(np.vstack((path * slopes, rise)), whole)
 
     def embed(self, axes: Floats) -> Floats:
-        """Return points of the ellipsoid, and weighted heights as a fourth coordinate."""
+        """Return the points on the ellipsoid, and weighted heights as a fourth coordinate."""
         latitude, longitude = np.radians(axes[0]), np.radians(np.fmod(axes[1], 360.0))
         normal = SEMI_MAJOR / np.sqrt(1 - ECCENTRICITY * np.sin(latitude) ** 2)
         across = normal * np.cos(latitude)
@@ -232,7 +233,7 @@ class Geodesic(Distance):
         return np.array([*points, *(self.vertical_weight * axes[len(PLACES) :])])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff, and the rounding of the points: no chord is longer than a path."""
+        """Return the cutoff plus the rounding of points: a chord is at most as long as a path."""
         height = self.vertical_weight * np.abs(axes[len(PLACES) :]).max(initial=0.0)
         room = cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS
         return np.full((len(axes) + 1, 1), room + REACH_ROUNDING * height)

@@ -1,13 +1,13 @@
-"""Optimal transport between two particle clouds, exactly.
+"""Exact optimal transport between two particle clouds.
 
 The mass of one cloud is moved to the other at the least cost
 
     W_q = (min_w  sum_ij w_ij d(x_i, y_j)^q)^(1/q),   w_ij >= 0,
     sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
 
-[Danu] equations 7 and 14; equation 13 has lost the root, without which it is no metric. In one
-dimension sorting solves it, against one point there is nothing to choose, clouds of equally many
-particles of equal weight are an assignment; the rest is solved by POT, the extra ``clouds``.
+[Danu] equations 7 and 14; equation 13 lacks the root, without which it is not a metric. In one
+dimension sorting solves it. If one cloud is a point, there is only one plan. Clouds of equally many
+particles of equal weight are an assignment. POT, the extra ``clouds``, solves all other pairs.
 """
 
 import math
@@ -22,7 +22,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number, whole_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Ints = NDArray[np.intp]
@@ -33,20 +33,20 @@ RESAMPLING = ("systematic", "stratified", "multinomial")
 def as_cloud(
     points: ArrayLike, weights: ArrayLike | None, name: str, *, depth: int = 2
 ) -> tuple[Floats, Floats]:
-    """Check points (N, d) and weights (N,) that sum to 1; `name` begins the messages.
+    """Check and return points (N, d) and weights (N,) with the sum 1; `name` begins the messages.
 
-    Weights that are None are equal ones. A warning is for the line `depth` calls further out.
+    None means equal weights. A warning is for the line `depth` calls further out.
 
     Warns
     -----
     UserWarning
-        The weights sum to something else than 1, by more than 1e-3.
+        The sum of the weights differs from 1 by more than 1e-3.
 
     Raises
     ------
     ConfigError
-        Not the shapes (N, d) or (N,) and (N,), no particles, a number that is not finite or a
-        coordinate beyond 1e150, a negative weight, or no weight above zero.
+        The shapes are not (N, d) or (N,) and (N,), there are no particles, a number is not finite,
+        a coordinate is beyond 1e150, a weight is negative, or no weight is above zero.
     """
     try:
         points = np.array(points, dtype=np.float64)
@@ -88,7 +88,7 @@ def as_cloud(
 
 
 def _weight_fault(weights: Floats) -> str:
-    """Return what is wrong with the first invalid weight of a cloud; blank if none is."""
+    """Return the fault of the weights of a cloud, with one such weight; blank if they are valid."""
     what = "" if (weights > 0).any() else "all weights are zero"
     for wrong, name in (
         (weights < 0, "a weight is negative"),
@@ -104,24 +104,26 @@ def _weight_fault(weights: Floats) -> str:
 def restrict_cloud(
     points: ArrayLike, weights: ArrayLike | None, size: int
 ) -> tuple[Floats, Floats]:
-    """Return the particles of the highest weights, normalised again.
+    """Return the particles with the highest weights, normalised again.
 
-    The tails of the distribution go with the light particles: the distance between clouds that are
-    restricted to few is biased, often by a third and more. Offered for comparisons.
+    The tails of the distribution are lost with the light particles: the distance between clouds
+    that are restricted to few particles is biased, often by a third and more. It is for
+    comparisons.
 
     Parameters
     ----------
     points : (N, d) array-like
         Particles.
     weights : (N,) array-like or None
-        >= 0, not all zero; normalised. None: equal ones.
+        Weights >= 0, not all zero, which are normalised. None means equal weights.
     size : int
-        Particles to keep, >= 1; of equal weights the earlier. All are kept if there are no more.
+        Number of particles to keep, >= 1; of equal weights the earlier ones. If there are not more
+        particles, all are kept.
 
     Returns
     -------
     points, weights : (n, d) and (n,) arrays
-        By descending weight, with the sum 1.
+        Particles by descending weight, and weights with the sum 1.
 
     Raises
     ------
@@ -151,7 +153,7 @@ def resample_cloud(
 ) -> tuple[Floats, Floats]:
     """Draw particles with replacement, each with the weight ``1 / size``.
 
-    The i-th is the first whose cumulative weight exceeds u_i, where
+    The i-th drawn particle is the first whose cumulative weight exceeds u_i, where
 
     - systematic: ``u_i = (i + U) / size`` with one U;
     - stratified: ``u_i = (i + U_i) / size``;
@@ -164,25 +166,26 @@ def resample_cloud(
     points : (N, d) array-like
         Particles.
     weights : (N,) array-like or None
-        >= 0, not all zero; normalised. None: equal ones.
+        Weights >= 0, not all zero, which are normalised. None means equal weights.
     size : int
-        Particles to draw, >= 1.
+        Number of particles to draw, >= 1.
     method : {"systematic", "stratified", "multinomial"}
-        How.
+        Method of drawing.
     offset : float or (size,) array-like, optional
-        U or the U_i, in [0, 1], instead of random ones; at u_i = 1 the last particle is taken.
+        U or the U_i, in [0, 1], instead of random ones; at u_i = 1 the last particle is drawn.
     rng : numpy.random.Generator or int, optional
-        Where they come from, or a seed; 0 by default.
+        Generator of U, or its seed; 0 by default.
 
     Returns
     -------
     points, weights : (size, d) and (size,) arrays
-        In the order of the u_i.
+        Drawn particles, in the order of the u_i, and their weights.
 
     Raises
     ------
     ConfigError
-        As for `cloud_wasserstein`, or an unknown method, a size below 1, an offset outside [0, 1].
+        As for `cloud_wasserstein`; or the method is unknown, the size is below 1, or an offset is
+            outside [0, 1].
 
     Notes
     -----
@@ -201,7 +204,7 @@ def sampled(
     offset: float | ArrayLike | None = None,
     rng: "np.random.Generator | int | None" = None,
 ) -> NDArray[np.intp]:
-    """Draw positions of particles; the weights sum to 1."""
+    """Return drawn positions of particles; the weights must sum to 1."""
     if method not in RESAMPLING:
         raise ConfigError(f"method is {quoted(method)}: must be one of {', '.join(RESAMPLING)}")
     count = 1 if method == "systematic" else size
@@ -234,17 +237,17 @@ Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) > 0 that sum to 1."""
 
 ASSIGNED = 200
-"""Particles up to which an assignment is quicker than transport."""
+"""Number of particles up to which an assignment is faster than transport."""
 
 WIDEST = 1e150
 """Largest whitened coordinate, so that squares are doubles."""
 
 MAX_PARTICLES = 4000
-"""Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
+"""Largest number of particles of two equal clouds: costs take 128 MB, transport half a minute."""
 
 
 def too_large() -> str:
-    """Return the message about a pair of clouds of too many particles."""
+    """Return the message about a pair of clouds with too many particles."""
     return (
         f"more than {MAX_PARTICLES} x {MAX_PARTICLES} particles in a pair take too much time and "
         f"memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
@@ -254,7 +257,7 @@ def too_large() -> str:
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 WEIGHT_ROUNDING = 1e-13
-"""Share of a weight that rounding may change, summed and divided in another order."""
+"""Share of a weight that rounding may change if sums and quotients have another order."""
 
 
 def cloud_wasserstein(
@@ -273,29 +276,29 @@ def cloud_wasserstein(
     points_a, points_b : (N, d) and (M, d) array-like
         Particles, in state units; (N,) and (M,) in one dimension.
     weights_a, weights_b : (N,) and (M,) array-like or None
-        >= 0, not all zero; normalised. None: equal ones.
+        Weights >= 0, not all zero, which are normalised. None means equal weights.
     order : {1, 2}
-        q, the power in which distances of particles are summed.
+        q, the power of the distances of particles in the sum.
     covariance : (d, d) array-like, optional
-        Particles are compared by the Mahalanobis distance with this covariance instead of the
-        Euclidean one. Distances of several pairs make a metric only with the same one for all.
+        Covariance of the Mahalanobis distance of particles, which is used instead of the Euclidean
+            distance. Distances of several pairs are a metric only with the same covariance for all.
 
     Returns
     -------
     float
-        In state units; without unit if a covariance is given.
+        Distance in state units; without unit if a covariance is given.
 
     Warns
     -----
     UserWarning
-        Weights sum to something else than 1, by more than 1e-3.
+        A sum of weights differs from 1 by more than 1e-3.
 
     Raises
     ------
     ConfigError
-        A weight is negative, NaN or infinite, or all are zero; a point is not finite; shapes,
-        order or covariance are wrong; the clouds have more than 4,000 x 4,000 distinct particles,
-        and not on a line; POT is needed and not installed.
+        A weight is negative, NaN or infinite, or all are zero; a point is not finite; shapes, order
+        or covariance are wrong; the clouds have more than 4,000 x 4,000 distinct particles in more
+        than one dimension; or POT is needed and not installed.
 
     Notes
     -----
@@ -318,7 +321,7 @@ def transport_plan(
 ) -> Floats:
     """Return an optimal plan that moves the mass between two clouds, for Euclidean distances.
 
-    Among several optimal plans, as ties have them, any may be returned.
+    If ties make several plans optimal, the result is one of these.
 
     Parameters
     ----------
@@ -328,8 +331,8 @@ def transport_plan(
     Returns
     -------
     (N, M) array
-        Entry (i, j) is the mass that goes from particle i of the first cloud to particle j of the
-        second; sums of rows and of columns are the normalised weights.
+        Entry (i, j) is the mass that moves from particle i of the first cloud to particle j of the
+            second. Sums of rows and of columns are the normalised weights.
 
     Raises
     ------
@@ -355,8 +358,8 @@ def cross_covariance(
 
     ``P12 = sum_ij w_ij (x_i - m_a) (y_j - m_b)'`` with the means m and the plan of order 2. With
     the covariances P1 and P2 of the clouds, ``W_2^2 = |m_a - m_b|^2 + tr(P1 + P2 - P12 - P12')``.
-    That matrix is as small as a joint distribution allows, zero for shifted copies: it is not to
-    be inverted as the covariance of a difference.
+    The last matrix has the least trace of all joint distributions, and is zero for shifted copies:
+    it must not be inverted as the covariance of a difference.
 
     Parameters
     ----------
@@ -366,8 +369,9 @@ def cross_covariance(
     Returns
     -------
     (d, d) array
-        Rows are components of the first cloud. Where several plans are optimal only its trace is
-        determined.
+        Covariance; its rows are components of the first cloud. If several plans are optimal, only
+        its
+            trace is determined.
 
     Raises
     ------
@@ -412,7 +416,7 @@ def _pair(
 
 
 def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
-    """Return clouds ``L^-1 (x - centre)``, whose Euclidean distance is the Mahalanobis one.
+    """Return clouds ``L^-1 (x - centre)``, whose Euclidean distance is the Mahalanobis distance.
 
     Raises
     ------
@@ -433,8 +437,7 @@ def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
 def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
     """Return ``L^-1 (x - centre)`` by forward substitution.
 
-    Number by number, and not by a routine for matrices, which may round equal particles to
-    different places.
+    It uses no routine for matrices, which may round equal particles differently.
     """
     solved = np.empty(points.shape)
     for k, row in enumerate(factor):
@@ -446,13 +449,13 @@ def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
 
 
 def merged(cloud: Cloud) -> Cloud:
-    """Return the cloud with each distinct particle once, without those of no weight."""
+    """Return the cloud with each distinct particle once, without particles of weight 0."""
     points, weights, _ = _merged(cloud)
     return points, weights
 
 
 def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Return distinct particles with weight, their weights, and the place of each particle."""
+    """Return distinct particles of weight > 0, their weights, and the place of each particle."""
     points, weights = cloud
     order = np.lexsort(points.T[::-1])
     ordered = points[order]
@@ -467,7 +470,7 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
-    """Return W_q of two clouds; distinct particles of positive weight, in order, save time."""
+    """Return W_q of two clouds; distinct, sorted particles of positive weight save time."""
     if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
@@ -479,9 +482,10 @@ def distance(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def are_alike(a: Cloud, b: Cloud) -> bool:
-    """Return whether clouds have the same particles, with weights equal but for rounding.
+    """Return whether clouds have the same particles, with weights equal up to rounding.
 
-    The least mass that rounding leaves over would have to go far: its root is not small.
+    Otherwise a tiny mass from rounding would have to move far, and the root of its cost is not
+    small.
     """
     (x, u), (y, v) = a, b
     return (
@@ -514,29 +518,29 @@ def north_west(u: Floats, v: Floats) -> Floats:
 
 
 def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return which particles share each piece of the mass, and its size, (V, N + M - 1) each.
+    """Return the two particles of each piece of the mass, and its size, (V, N + M - 1) each.
 
-    By the running weights (V, N) and (V, M) of particles in order, or one line of them for all.
+    `u` and `v` are running weights (V, N) and (V, M) of sorted particles, or (1, N) and (1, M) if
+    they are the same for all lines.
     """
     rows = max(len(u), len(v))
     inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]
     cuts = np.concatenate(inner, axis=1)
     by_place = np.argsort(cuts, axis=1, kind="stable")
     cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
-    of_u = by_place < u.shape[1] - 1  # the others are of v
+    of_u = by_place < u.shape[1] - 1  # otherwise of v
     i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
     return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
 
 
 Lines = tuple[Floats, Floats]
-"""Sorted places (V, N) of projections of a cloud, and running weights, (V, N) or (1, N)."""
+"""Sorted projections (V, N) of a cloud, and running weights, (V, N) or (1, N)."""
 
 
 def on_lines(cloud: Cloud, directions: Floats) -> Lines:
     """Return sorted places of the particles along directions (V, d), with running weights.
 
-    Summed component by component: a routine for matrices may round equal particles to different
-    places.
+    It uses no routine for matrices, which may round equal particles differently.
     """
     points, weights = cloud
     places = sum(v[:, None] * x for v, x in zip(directions.T, points.T, strict=True))
@@ -553,7 +557,7 @@ def on_lines(cloud: Cloud, directions: Floats) -> Lines:
 
 
 def line_costs(a: Lines, b: Lines, order: int) -> Floats:
-    """Return W_q^q in one dimension, (V,): ``int_0^1 |F^-1(s) - G^-1(s)|^q ds``, by quantiles."""
+    """Return W_q^q in one dimension, (V,), by quantiles: ``int_0^1 |F^-1(s) - G^-1(s)|^q ds``."""
     (x, u), (y, v) = a, b
     if u.shape == v.shape and (u == v).all():
         return np.asarray((np.diff(u, prepend=0.0) * np.abs(x - y) ** order).sum(axis=1))
@@ -568,7 +572,7 @@ def _check_size(a: Cloud, b: Cloud) -> None:
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:
-    """Return distances of the particles to the power q, from differences: no cancellation."""
+    """Return distances of particles to the power q, without cancellation, from differences."""
     from scipy.spatial.distance import cdist
 
     return np.asarray(cdist(x, y, "sqeuclidean" if order == 2 else "euclidean"))

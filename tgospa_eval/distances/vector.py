@@ -1,4 +1,4 @@
-"""Norms of the difference of two points, their components scaled or on a circle."""
+"""Norms of the difference of two points, with scaled components or components on a circle."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
@@ -15,30 +15,30 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
-"""Limits of scales and periods: beyond these, products with a cutoff may overflow."""
+"""Limits of scales and periods, beyond which products with a cutoff may overflow."""
 
 MAX_BLUR = 2.0**-20
-"""Largest margin in units of the cutoff: coordinates with fewer digits say little anyway."""
+"""Largest margin in units of the cutoff: coordinates with fewer digits are too coarse anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Norm(Distance):
     """``|delta|_q``, ``delta_k = s_k min(r_k, P_k - r_k)``, ``r_k = |a_k - b_k| mod P_k``.
 
-    The Minkowski norm of the difference, with scales s and periods P, infinite by default: a
-    metric on points (docs/theory/distances.md). Wrapped first, in the unit of the column, then
-    scaled.
+    It is the Minkowski norm of the difference, with scales s and periods P, infinite by default: a
+    metric on points (docs/theory/distances.md). Differences are wrapped first, in the unit of the
+    column, and then scaled.
 
     Parameters
     ----------
     name : str
-        As on the command line.
+        Name as on the command line.
     power : {1.0, 2.0, inf}
         Manhattan, Euclidean, Chebyshev.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     period : sequence of float, optional
-        Period of each column, > 0 in its unit; inf where it is not periodic.
+        Period of each column, > 0 in its unit; inf for a column that is not periodic.
 
     Raises
     ------
@@ -60,13 +60,13 @@ class Norm(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Its own; but no sum of the two components of a chord is bounded by the arc."""
+        """Power; with periods at least 2, because the 1-norm of a chord may exceed the arc."""
         return max(self.power, 2.0) if self.period is not None else self.power
 
     def error(self, dimension: int) -> float:
         """Return the error of a difference, its scale, and ``dimension - 1`` sums or hypotenuses.
 
-        Not the shorter way round a circle: the difference to the period cancels.
+        There is no bound for periodic components, because the difference to the period cancels.
         """
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
@@ -97,7 +97,7 @@ class Norm(Distance):
         return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
-        """Return 0: differences of doubles are exact to their last place, except round a circle."""
+        """Return 0 without periods: then differences of doubles are exact to their last place."""
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))
@@ -136,7 +136,7 @@ class Norm(Distance):
         return scale * shares(difference, length)
 
     def embed(self, axes: Floats) -> Floats:
-        """Return points: a periodic component becomes two coordinates, on a circle."""
+        """Return points, in which a periodic component becomes two coordinates on a circle."""
         if self.period is None:
             return axes
         points: list[Floats] = []
@@ -149,7 +149,7 @@ class Norm(Distance):
         return np.array(points)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff in units of the column: no norm is below one difference."""
+        """Return the cutoff in units of the column: a norm is at least each difference."""
         if self.scale is None and self.period is None:
             return np.full((len(axes), 1), cutoff)
         reach: list[float] = []
@@ -163,12 +163,12 @@ class Norm(Distance):
 
 
 def shares(parts: Floats, whole: Floats) -> Floats:
-    """Return quotients, 0 where the whole is."""
+    """Return quotients; 0 where the whole is 0."""
     return np.asarray(np.divide(parts, whole, out=np.zeros_like(parts), where=whole > 0))
 
 
 def _around(a: Floats, b: Floats, period: float) -> Floats:
-    """Return the difference the shorter way round the circle; the remainders of fmod are exact."""
+    """Return the difference by the shorter way round the circle; remainders of fmod are exact."""
     size = np.fmod(np.abs(np.fmod(a, period) - np.fmod(b, period)), period)
     return np.asarray(np.minimum(size, period - size))
 
@@ -176,12 +176,12 @@ def _around(a: Floats, b: Floats, period: float) -> Floats:
 def positive_numbers(
     name: str, values: Sequence[float] | None, also: tuple[float, ...] = ()
 ) -> tuple[float, ...] | None:
-    """Check numbers for the columns.
+    """Check and return one number for each column.
 
     Raises
     ------
     ConfigError
-        They are no numbers, or out of range.
+        A value is not a number, or is out of range.
     """
     if values is None:
         return None

@@ -1,1 +1,1 @@
-"""The line from two sides to a proven number; the only place where data and solvers meet."""
+"""The pipeline from two sides to a proven number; data and solvers meet only here."""

@@ -1,4 +1,4 @@
-"""The steps that count, and both sides at them: docs/how-to/time.md."""
+"""Selection of the evaluated steps, and both sides at these steps (docs/how-to/time.md)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
@@ -26,26 +26,26 @@ if TYPE_CHECKING:
 Sides = tuple[Trajectories, Trajectories]
 
 TURN = 360.0
-"""Degrees of longitude."""
+"""Degrees of a full turn in longitude."""
 
 SILENCE = 5
-"""Median intervals of the estimate's stamps that are a silence, where nobody says how long."""
+"""Length of an outage in median intervals of the estimate's timestamps, without a given length."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outages:
-    """Stretches of time in which the estimate has no state within the cutoff of a truth.
+    """Stretches of time in which the estimate has no state within the cutoff of a true object.
 
     Parameters
     ----------
     lengths : (K,) float array
-        How long each is, in seconds or the unit of the stamps.
+        Length of each stretch, in seconds or the unit of the timestamps.
     ticks : (N,) array
-        The truth's own stamps in them.
+        Timestamps of the truth in the stretches.
     states : int
-        The truth's states at these.
+        Number of states of the truth at these timestamps.
     counted : bool
-        Whether these stamps are steps.
+        Whether these timestamps are steps.
     """
 
     lengths: Times
@@ -56,21 +56,21 @@ class Outages:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Axis:
-    """Both sides at the steps that were asked for, before they are aligned.
+    """Both sides at the requested steps, before they are aligned.
 
     Parameters
     ----------
     sides : pair of Trajectories
         Truth and estimate.
     horizon : Trajectories
-        What has the stamps of the horizon: the truth as it was read, or declared steps.
+        Side with the timestamps of the horizon: the truth as it was read, or declared steps.
     made : pair of str and tuple of int, optional
-        Which side was interpolated, and how many states are between two others, were there, and
-        are not used.
+        Which side was interpolated, and its numbers of states that are interpolated, of states that
+        existed, and of states that are not used.
     left_out : pair of int
-        Rows at stamps that are no declared steps.
+        Numbers of rows whose timestamps are not declared steps.
     outages : Outages, optional
-        Of the estimate, where the truth is interpolated.
+        Outages of the estimate, where the truth is interpolated.
     reports : ClockReports, optional
         Reports of the estimate on a common clock.
     """
@@ -84,7 +84,7 @@ class Axis:
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
-    """Return periods of the state columns that wrap around."""
+    """Return the periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
     if distance.on_earth:
         periods["lon"] = TURN
@@ -92,7 +92,7 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Return differences (N, d), the shorter way round where a component is periodic."""
+    """Return differences (N, d), each the shorter way round in periodic components."""
     if periods is None:
         return differences
     period = np.asarray(periods, np.float64)
@@ -111,15 +111,15 @@ def on_axis(
     cutoff: float,
     across: str = "",
 ) -> Axis:
-    """Return both sides at the steps that are asked for.
+    """Return both sides at the requested steps.
 
-    The cutoff says what ends a silence of the estimate, where the truth is interpolated: a false
-    alarm does not. `across` marks states of the truth in gaps, as of `tracks.interpolation`.
+    Where the truth is interpolated, the cutoff decides which estimate states end an outage: a false
+    alarm does not. `across` marks states of the truth in gaps (see `tracks.interpolation`).
 
     Raises
     ------
     ConfigError, InputError
-        Durations do not fit the stamps, or a side cannot be interpolated.
+        Durations do not fit the timestamps, or a side cannot be interpolated.
     """
     matching.check_units(sides[0].clock if len(sides[0].times) else sides[1].clock)
     comparable(*sides, names)
@@ -129,7 +129,7 @@ def on_axis(
     if matching.interpolate:
         axis = _interpolated(axis, matching, distance, names, cutoff, across)
     if matching.steps is not None:
-        from tgospa_eval.tracks.interpolation import at_ticks  # lazy: few want it
+        from tgospa_eval.tracks.interpolation import at_ticks  # lazy: rarely needed
 
         ticks = _stamped(matching.steps.ticks(), axis.horizon, matching.steps.clock)
         first, second = (
@@ -147,7 +147,7 @@ def on_axis(
 def with_outages(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
 ) -> Axis:
-    """Add the outages of the estimate, where its stamps decide which steps of the truth count."""
+    """Add the outages of the estimate, where its timestamps decide which truth steps count."""
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
     first, second = axis.sides
@@ -159,7 +159,7 @@ def with_outages(
 def _resampled(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:
-    """Return the truth at multiples of a duration; reports of the estimate hold there."""
+    """Return the truth at multiples of a duration, where reports of the estimate are held."""
     truth = axis.horizon
     assert isinstance(matching.resample, Duration)
     tick_times = truth.times[:0]
@@ -184,7 +184,7 @@ def _resampled(
     )
     (moved, made), estimate, reports = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
-        from tgospa_eval.tracks.interpolation import hold  # lazy: few want it
+        from tgospa_eval.tracks.interpolation import hold  # lazy: rarely needed
 
         def truth_at(side: Trajectories) -> Trajectories:
             return replace_times(make(side)[0], side)
@@ -200,7 +200,7 @@ def _resampled(
 
 
 def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
-    """Return a side without rows at the stamps of the other: interpolation leaves it as it is."""
+    """Return the side; without rows, which cannot be interpolated, at the other's timestamps."""
     if len(side.step) or not len(ticks.times):
         return side
     return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
@@ -214,7 +214,7 @@ def _interpolated(
     cutoff: float,
     across: str,
 ) -> Axis:
-    """Return one side at the stamps of the other, and the truth's own in outages."""
+    """Return one side at the timestamps of the other, and at those of the truth in outages."""
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
     make = partial(
@@ -248,7 +248,7 @@ def _made(
     names: tuple[str, str],
     across: str = "",
 ) -> tuple[Trajectories, tuple[int, int, int]]:
-    from tgospa_eval.tracks.interpolation import interpolated  # lazy: few want it
+    from tgospa_eval.tracks.interpolation import interpolated  # lazy: rarely needed
 
     return interpolated(
         side.reduced_to(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
@@ -268,7 +268,7 @@ def _near(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
-    """Return both sides on the steps of either, and the pairs of rows within the cutoff."""
+    """Return both sides at the steps of either side, and the pairs of rows within the cutoff."""
     pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
     resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
@@ -283,10 +283,10 @@ def _find_outages(
     matching: TimeMatching,
     names: tuple[str, str],
 ) -> Outages | None:
-    """Return intervals between the stamps at which the estimate found a truth.
+    """Return long intervals between the timestamps with an estimate near a true object.
 
-    From the truth's first stamp to its last, longer than `TimeMatching.outage`, or than `SILENCE`
-    median intervals.
+    Intervals are from the truth's first timestamp to its last one. They are longer than
+    `TimeMatching.outage`, or than `SILENCE` median intervals.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -302,7 +302,7 @@ def _find_outages(
     silent = lengths > longest
     if not silent.any():
         return None
-    # A stamp of the truth belongs to the interval that ends with it or after it.
+    # A timestamp of the truth belongs to the interval that ends at it or after it.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
     return Outages(
@@ -316,10 +316,10 @@ def _find_outages(
 def _stamped(
     times: Times, like: Trajectories, clock: str, labelled: Trajectories | None = None
 ) -> Trajectories:
-    """Return steps without rows; times look like those of `like` and `labelled`, or ISO."""
+    """Return steps without rows; times are written as in `like` and `labelled`, or in ISO 8601."""
     labels = None
     if clock != "number":
-        from tgospa_eval.tracks.conversion import iso  # lazy: as above
+        from tgospa_eval.tracks.conversion import iso  # lazy: rarely needed
 
         labels = np.empty(len(times), dtype=object)
         known = {
@@ -333,12 +333,12 @@ def _stamped(
 
 
 def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> None:
-    """Check that a row of either side is at one of the declared steps, as `kept` are.
+    """Check that some rows are at declared steps; `kept` is their number.
 
     Raises
     ------
     NothingLeftError
-        All are at other times.
+        All rows are at other times.
     """
     if matching.steps is not None and not kept and any(left_out):
         raise NothingLeftError(
@@ -355,25 +355,25 @@ def on_own_times(request: EvaluationRequest) -> EvaluationRequest:
 def truth_gaps(
     truth: Trajectories, axis: Axis, matching: TimeMatching, distance: Distance, cutoff: float
 ) -> tuple[Times, list[str], int] | None:
-    """Return the gaps of an interpolated truth, and what estimates report in them.
+    """Return the gaps of an interpolated truth, and the number of estimate states in them.
 
     Parameters
     ----------
     truth : Trajectories
-        As it was read.
+        Truth as it was read.
     axis : Axis
         Both sides at their steps.
     matching, distance, cutoff
-        With which they are compared.
+        Settings with which the sides are compared.
 
     Returns
     -------
     lengths : (K,) array
-        How long each is, in seconds or the unit of the stamps.
+        Length of each gap, in seconds or the unit of the timestamps.
     ids : list of str
-        The objects that have some.
+        Names of the objects with gaps.
     states : int
-        Estimate states within the cutoff of the straight line across one.
+        Number of estimate states within the cutoff of the straight line across a gap.
     """
     if matching.interpolate != "truth" and matching.resample is None:
         return None
@@ -385,7 +385,7 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.reports is not None:  # reports count at their own stamps
+    if axis.reports is not None:  # reports count at their own timestamps
         narrow = estimate = axis.reports.estimate
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED

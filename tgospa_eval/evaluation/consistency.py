@@ -1,10 +1,10 @@
-"""NEES of the assigned pairs: errors in units of the covariances that the estimates have.
+"""NEES of the assigned pairs: errors in units of the covariances of the estimates.
 
     NEES = (a - b)' (P + R)^-1 (a - b)
 
-with the state a of the truth and b of the estimate, the covariance P of the estimate, of particles
-their second moments, and R of the truth, where it has one: its errors are independent of those of
-the filter, as of a reference that was measured apart.
+a is the state of the truth and b the state of the estimate. P is the covariance of the estimate, or
+the second moments of its particles. R is the covariance of the truth, where it has one. The errors
+of the truth are independent of those of the filter, as for a reference measured separately.
 """
 
 from collections.abc import Sequence
@@ -22,16 +22,16 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
 LARGEST = 1e100
-"""Beyond it a covariance is as good as singular: sums of squares of NEES stay numbers."""
+"""Largest NEES: above it a covariance counts as singular, so that sums of squares are finite."""
 
 PAIRS_TOGETHER = 1 << 16
-"""Pairs whose particles are looked at together."""
+"""Number of pairs whose particles are processed together."""
 
 
 def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
-    """Return NEES of each pair of the assignment, NaN where its covariance is singular, and sums.
+    """Return NEES of each assigned pair, NaN where its covariance is singular, and sums.
 
-    The estimate has covariances, or particles.
+    The estimate must have covariances or particles.
     """
     compared, problem = proof.compared, proof.states.problem
     assert compared.estimate_covariance is not None
@@ -48,7 +48,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
         clouds = pair[1].clouds
         rows = np.arange(len(rows[0])), np.arange(len(rows[0]))
     nees, histogram = nees_of(states, spreads, rows, periods), None
-    if problem.unjudged is not None:  # an ignored truth does not count
+    if problem.unjudged is not None:  # ignored states of the truth do not count
         ignored = problem.unjudged[0][on_steps[0]]
         nees[ignored] = np.nan
         assigned = replace(assigned, weight=np.where(ignored, 0.0, assigned.weight))
@@ -58,7 +58,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
 
 
 def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
-    """Return the period of each component, infinite where it has none; None if none has."""
+    """Return the period of each component, infinite without one; None if all are without."""
     periods = periods_of(distance, columns)
     return [periods.get(name, np.inf) for name in columns] if periods else None
 
@@ -69,7 +69,7 @@ def nees_of(
     rows: tuple[Ints, Ints],
     periods: Sequence[float] | None,
 ) -> Floats:
-    """Return NEES of pairs of rows of truth and estimate, of states and the spreads around them."""
+    """Return NEES of pairs of rows of truth and estimate, from states and covariances."""
     packed = spreads[1][rows[1]].T
     if spreads[0] is not None:
         packed = packed + spreads[0][rows[0]].T
@@ -80,7 +80,7 @@ def nees_of(
 def squared(errors: Floats, factors: Floats) -> Floats:
     """Return ``e' (L L')^-1 e`` of errors (d, N) and packed factors; NaN where L is singular.
 
-    Also where the value is larger than `LARGEST`.
+    Values larger than `LARGEST` are NaN as well.
     """
     d = len(errors)
     solved = np.empty_like(errors)
@@ -102,11 +102,12 @@ def ranks(
     weight: Floats,
     periods: Sequence[float] | None = None,
 ) -> Floats:
-    """Count the truths (N, d) in each tenth of the marginal weights of their cloud, (d, 10).
+    """Count the true states (N, d) in each tenth of the marginal weights of their cloud, (d, 10).
 
-    Flat where particles are drawn from the posterior. The truth is one more draw beside N of them:
-    with a weight S below it, half of what is equal counted, it is anywhere between N S / (N + 1)
-    and (N S + 1) / (N + 1), N the effective number 1 / (sum of squared weights).
+    Counts are flat if the particles are drawn from the posterior: the true state is then one more
+    draw in addition to N of them. N is the effective number 1 / (sum of squared weights). S is the
+    weight of the particles below the true state, with half the weight of the equal ones. The rank
+    is spread evenly between N S / (N + 1) and (N S + 1) / (N + 1).
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))

@@ -1,10 +1,11 @@
 """The normalised curve: proven costs of the steps 1..k for each k (docs/theory/solvers.md).
 
-A solution of the whole brackets every beginning. The beginnings of components whose bracket stays
-open are solved again, from as few steps before their end as will do, many side by side in one
-problem that starts from the solution of the whole.
-A *beginning* is a component up to a step; an *ending* are its steps from some step on, before which
-all stays as the whole has it: paths go on from the best values that they have by then.
+A solution of the whole problem brackets every prefix. A *prefix* is a component up to a step.
+A *suffix* has the last steps of a prefix. The assignment before a suffix stays as in the whole
+problem, and paths continue from the best values that they have reached there.
+
+Where the bracket of a prefix stays open, a suffix of it is solved, as short as possible. Many
+suffixes are solved together, in one problem that starts from the solution of the whole problem.
 """
 
 import itertools
@@ -41,24 +42,24 @@ from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 SIZE = 1 << 18
-"""Near pairs of the endings that are solved together."""
+"""Number of near pairs in the suffixes that are solved together."""
 
 ENTERED = 1 - 1e-9
-"""A pair that is worth less than "none" by so much of the switch price was entered from there."""
+"""A pair this share of the switch price below "none" in value was entered from "none"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Listed:
-    """Entries or objects of the problem, those of a block together and in order of time.
+    """Entries or objects of the problem, sorted by block and then by time.
 
     Parameters
     ----------
     which : (L,) int array
-        The entries or rows.
+        Indices of the entries or rows.
     key : (L,) int array
         ``block * steps + step`` of each.
     steps : int
-        T.
+        Number of steps, T.
     """
 
     which: Ints
@@ -72,7 +73,7 @@ class _Listed:
         return cls(which=which[order], key=key[order], steps=steps)
 
     def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Return the first entry from a step of each block on, and their number up to another."""
+        """Return the first entry of each block from a step on, and the number up to an end step."""
         block = block * np.int64(self.steps)
         low = np.searchsorted(self.key, block + begin)
         return low, np.searchsorted(self.key, block + end, "right") - low
@@ -85,11 +86,11 @@ class Before:
     Parameters
     ----------
     ending, pair : int arrays
-        The pairs that come near in each ending, or are assigned before it.
+        Suffix, and a pair that is near in the suffix or assigned before it.
     weight : int array
-        What the whole assigns, in units of 1/ONE.
+        Weight of the pair in the whole solution, in units of 1/ONE.
     value, none, other : float arrays
-        Best values, from above, of what the row of a pair has done until then, if it is in the
+        Upper bounds of the best value of the row of a pair up to this step, if the row is in the
         pair, in "none", or in any pair that is not listed.
     """
 
@@ -109,21 +110,21 @@ class Before:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SuffixProblem:
-    """Endings as one problem.
+    """Several suffixes as one problem.
 
     Parameters
     ----------
     problem : Problem
-        The steps of one after those of the other. Where something is known of the step before an
-        ending, that comes first: each listed pair gains there by how much its value exceeds "none".
+        The steps of one suffix after those of the other. A suffix with known values at the step
+        before it begins with that step, where each listed pair gains its value above "none".
     origin : tuple of int arrays
-        The truths, estimates and steps of the whole that those of the problem are.
+        Truths, estimates and steps of the whole problem to which those of this problem belong.
     block, begin, end : (E,) int arrays
-        Block, and first and last step of each in the whole.
+        Block, and first and last step of each suffix in the whole problem.
     first : (E,) int array
-        Where the steps of each begin in the problem, the one before them included.
+        First step of each suffix in the problem, including the step before the suffix.
     before : Before
-        What there is at that step.
+        State of the pairs at the step before each suffix.
     """
 
     problem: Problem
@@ -136,7 +137,7 @@ class SuffixProblem:
 
     @property
     def length(self) -> Ints:
-        """Number of steps of each, (E,)."""
+        """Number of steps of each suffix, (E,)."""
         return self.end - self.begin + 1
 
     @property
@@ -146,14 +147,14 @@ class SuffixProblem:
 
     @property
     def own(self) -> Ints:
-        """The steps of the problem that are not before an ending."""
+        """Steps of the problem that are not the step before a suffix."""
         at = np.ones(self.problem.steps, bool)
         at[self.first[self.before.ending]] = False
         return np.flatnonzero(at)
 
 
 class Suffixes:
-    """Endings of beginnings of a problem that has the assignment `weights` (S,), in 1/ONE."""
+    """Suffixes of prefixes of a problem with the assignment `weights` (S,), in units of 1/ONE."""
 
     def __init__(self, states: States, weights: Ints) -> None:
         self.states, self.weights = states, weights
@@ -182,7 +183,7 @@ class Suffixes:
             self._sides.append((objects, place, members, number))
 
     def groups(self, block: Ints, begin: Ints, end: Ints) -> list[slice]:
-        """Return neighbours of which each but the last have SIZE entries, or are a single one."""
+        """Return slices of neighbours with fewer than SIZE entries together, or of one suffix."""
         size = np.cumsum(self._entries.spans(block, begin, end)[1])
         bounds = [0]
         while bounds[-1] < len(block):
@@ -191,7 +192,7 @@ class Suffixes:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def pairs(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Return suffix and pair, in order, of the pairs that come near, or are assigned before."""
+        """Return suffix and pair, in order, of pairs that come near or are assigned before it."""
         size = np.int64(len(self.states.pair_row))
         taken, ending = _ranges(*self._entries.spans(block, begin, end))
         near = self._pair_of[self._entries.which[taken]]
@@ -205,7 +206,7 @@ class Suffixes:
         return suffix, pair
 
     def assigned(self, pair: Ints, step: Ints) -> Ints:
-        """Return what the whole assigns to pairs at steps inside of their blocks."""
+        """Return the weights of pairs in the whole solution, at steps inside their blocks."""
         key = pair * np.int64(self.states.problem.steps) + step
         weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
         return weights
@@ -274,10 +275,10 @@ class Suffixes:
         )
 
     def _worth(self, begin: Ints, before: Before) -> Floats:
-        """Return how far listed pairs are above "none" in value, which may be negative.
+        """Return the value of listed pairs relative to "none", which may be negative.
 
-        Pairs that were entered from "none" are better entered later, so they are worth still less:
-        what ties only makes work.
+        A pair that was entered from "none" is no worse when it is entered later. Its value is set
+        lower still, because ties only make work.
         """
         price = self.states.problem.switch_price_at[begin][before.ending]
         worth: Floats = before.value - np.maximum(before.none, before.other - price)
@@ -285,19 +286,19 @@ class Suffixes:
 
 
 class _Mixed:
-    """Two lists as one, in which those of each ending follow each other, of the second first.
+    """Merged order of two lists, by suffix; in each suffix the second list comes first.
 
     Parameters
     ----------
     ending, other : int arrays
-        Ending of each of the first and of the second, in order.
+        Suffix of each element of the first list, and of the second list, in order.
     suffixes : int
-        How many there are.
+        Number of suffixes.
 
     Attributes
     ----------
     first, second : int arrays
-        Places in the one list.
+        Positions of the elements of each list in the merged list.
     """
 
     def __init__(self, ending: Ints, other: Ints, suffixes: int) -> None:
@@ -307,14 +308,14 @@ class _Mixed:
         self.second = np.arange(len(other)) + (np.cumsum(of_first) - of_first)[other]
 
     def join(self, first: Ints | Floats, second: Ints | Floats) -> NDArray[Any]:
-        """Join values of both."""
+        """Join values of both lists."""
         joined = np.empty(len(first) + len(second), np.result_type(first, second))
         joined[self.first], joined[self.second] = first, second
         return joined
 
 
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Return the numbers of each range, one range after the other, and the range of each."""
+    """Return the numbers of each range, range by range, and the range of each number."""
     return concatenated(low, count), np.repeat(np.arange(len(low)), count)
 
 
@@ -323,16 +324,16 @@ def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 
 class SeparateStretches:
-    """Stretches of steps of blocks, each a problem of its own; many side by side.
+    """Stretches of steps of blocks as separate problems, solved together.
 
     Parameters
     ----------
     suffixes : Suffixes
-        Of the whole.
+        Suffixes of the whole problem.
     saved : SavedSolution
-        Its solution.
+        Solution of the whole problem.
     block, begin, end : (N,) int arrays
-        Block, and first and last step of each.
+        Block, and first and last step of each stretch.
     """
 
     def __init__(
@@ -343,14 +344,14 @@ class SeparateStretches:
         self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
     def of_whole(self) -> tuple[Floats, Floats, Floats]:
-        """Return what the solution of the whole proves, as `solve` does."""
+        """Return the proof from the solution of the whole problem, in the form of `solve`."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
         )
 
     def solve(self, solver: Certified, stopwatch: Stopwatch) -> tuple[Floats, Floats, Floats]:
-        """Solve them, and prove each as any result is.
+        """Solve the stretches, and prove each result.
 
         Returns
         -------
@@ -359,7 +360,7 @@ class SeparateStretches:
         lower : (N,) float array
             Lower bound of the least possible cost.
         error : (N,) float array
-            How much the parts together may be too small by rounding.
+            Bound of the rounding error by which the sum of the parts may be too small.
         """
         return self._proven(solver(self.states, stopwatch, replace(self.warm_start, near=True)))
 
@@ -379,18 +380,18 @@ class SeparateStretches:
 
 
 class SuffixSolver:
-    """Beginnings that are as the whole has them before some step, and are solved from there on.
+    """Prefixes that keep the whole solution before some step, and are solved from this step on.
 
-    They are to be asked for in the order of these steps.
+    Calls of `solve` must come in the order of these steps.
 
     Parameters
     ----------
     suffixes : Suffixes
-        Of the whole.
-    found : PrefixBounds
-        What its solution proves of all beginnings.
+        Suffixes of the whole problem.
+    prefixes : PrefixBounds
+        Bounds of all prefixes that the solution of the whole problem proves.
     saved : SavedSolution
-        That solution.
+        Solution of the whole problem.
     """
 
     def __init__(self, suffixes: Suffixes, prefixes: PrefixBounds, saved: SavedSolution) -> None:
@@ -403,16 +404,16 @@ class SuffixSolver:
     def solve(
         self, block: Ints, begin: Ints, end: Ints, solver: Certified, stopwatch: Stopwatch
     ) -> tuple[Ints, Floats, Floats, Floats]:
-        """Solve endings, none of which begins with its block.
+        """Solve suffixes that begin after the first step of their block.
 
-        Of all steps in them: cells, some perhaps several times, and what
-        `SeparateStretches.solve` returns.
+        Returned are the cells of all their steps, with duplicates, and for each cell the values of
+        `SeparateStretches.solve`.
         """
         before, rest = self._before(block, begin, end)
         joint = self.suffixes.make_problem(block, begin, end, before)
         states = merge_runs(joint.problem, transpose=False)
         warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
-        # The values include the cost until then.
+        # The values include the cost up to the step before.
         until_then = np.zeros(joint.problem.steps, bool)
         until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
@@ -423,7 +424,7 @@ class SuffixSolver:
         return concatenated(self.prefixes.cells.of(block, begin), joint.length), parts, lower, error
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
-        """Return the state before suffixes; of rows without a listed pair sums of values."""
+        """Return the state before suffixes, and sums of values of rows without a listed pair."""
         moves = self.prefixes.moves
         row_block = self.suffixes.states.node_block[moves.rows]
         ending, pair = self.suffixes.pairs(block, begin, end)
@@ -470,10 +471,10 @@ class SuffixSolver:
     ) -> tuple[Floats, Floats]:
         """Return the cost by kind, and its error, up to each step of each suffix."""
         split = break_down(states, weights)
-        # Switches into the first step are from the assignment of the whole before it.
+        # Switches into the first step start from the whole assignment before it.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # Blocks of a single step do not change any more.
+        # Blocks of a single step do not change after it.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -518,7 +519,7 @@ class SuffixSolver:
 
 
 def _running(value: Floats, length: Ints) -> Floats:
-    """Return running sums, in each row, of parts of so many values."""
+    """Return running sums in each row, separately for parts of these lengths."""
     total = np.empty_like(value)
     for low, high in itertools.pairwise(np.concatenate(([0], np.cumsum(length))).tolist()):
         np.cumsum(value[:, low:high], axis=1, out=total[:, low:high])
@@ -526,14 +527,14 @@ def _running(value: Floats, length: Ints) -> Floats:
 
 
 def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
-    """Bound the error of costs by kind, for sums of the steps of a suffix, and of its states."""
+    """Bound the error of costs by kind, which sum the steps of a suffix and its states."""
     terms = int(np.bincount(states.begin, minlength=1).max())
     error: Floats = parts.sum(axis=0) * (length + 2 * terms + 16) * ROUNDOFF
     return error
 
 
 def unpaired_by_step(states: States) -> Floats:
-    """Return the cost at each step of the truths and estimates that are near to none, (2, T)."""
+    """Return the cost at each step of true states and estimates without a near pair, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
     for own, side in zip(total, problem.sides, strict=True):
@@ -544,7 +545,7 @@ def unpaired_by_step(states: States) -> Floats:
 
 
 def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Return the lower bound of each block, (B,), of objects and steps with a near pair only."""
+    """Return the lower bound of each block, (B,), only of objects and steps with a near pair."""
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
@@ -559,7 +560,7 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 
 
 SPAN = 8
-"""Steps of the first endings: of 8, 12, 16, 24, 32 the quickest on crowds of 20 and of 100."""
+"""Steps of the first suffixes; of 8, 12, 16, 24 and 32 the fastest on crowds of 20 and of 100."""
 
 
 def trace(
@@ -575,17 +576,17 @@ def trace(
     Parameters
     ----------
     states : States
-        The whole.
+        The whole problem.
     weights : (S,) int array
         A feasible assignment, in units of 1/ONE.
     prices : (K,) float array
-        Prices of its column slots, 0 or more.
+        Prices of the column slots, 0 or more.
     solver : Certified
-        What solves beginnings, and to which gap; its time limit is that of all of them together.
+        Solver of the suffixes, with its gap; its time limit is the total for all suffixes.
     reduced : tuple of Reduced
-        What is known of the whole at smaller cutoffs.
+        Bounds of the whole problem at smaller cutoffs.
     progress : Progress, optional
-        Gets the share that is done; what is not begun when it is to stop stays open.
+        Receiver of the share that is done. After a stop, brackets not yet begun stay open.
     """
     progress = progress or Progress()
     prices = fair_prices(prices)
@@ -608,7 +609,7 @@ def trace(
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
     shown[1:3] += unpaired_costs
-    # Objects that are near to none cost sums of so many prices.
+    # Costs of objects without a near pair are sums of this many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
     unsure = (
         0.0
@@ -634,7 +635,7 @@ def trace(
 
 
 class _Brackets:
-    """Costs by kind and a lower bound for each cell, and whether its bracket is too wide."""
+    """Costs by kind and a lower bound of each cell, and whether its bracket is too wide."""
 
     def __init__(
         self, *, cells: Cells, parts: Floats, lower: Floats, error: Floats, gap: float
@@ -650,7 +651,7 @@ class _Brackets:
         return wide
 
     def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
-        """Take what is better."""
+        """Keep the better bounds."""
         np.maximum.at(self.lower, cell, lower)
         cost = parts.sum(axis=0)
         order = np.lexsort((cost, cell))
@@ -670,9 +671,9 @@ def _narrow(
     solver: Certified,
     progress: Progress,
 ) -> None:
-    """Solve endings of what is open, the few last steps first, then twice as many, and so on.
+    """Solve suffixes of open prefixes, first of a few steps, then of twice as many, and so on.
 
-    Blocks that are marked in `from_begin` (B,) are solved from their first step on at once.
+    Blocks marked in `from_begin` (B,) are solved from their first step at once.
     """
     limit = Limit.of(solver.time_limit, progress)
     cells, span, open_at_start = brackets.cells, SPAN, np.count_nonzero(brackets.open)
@@ -708,19 +709,18 @@ def _narrow(
 
 
 def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
-    """Return the solver for the time that is left, and a clock of its own that shows nothing."""
+    """Return the solver for the remaining time, and a separate stopwatch without display."""
     stopwatch, left = Stopwatch(), limit.left()
     stopwatch.progress = limit.progress.silent()
     return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch
 
 
 # -------------------------------------------------------------------------------------------------
-# Sliding windows: proven costs of stretches of steps, each by itself (docs/theory/solvers.md).
+# Sliding windows: proven costs of separate stretches of steps (docs/theory/solvers.md).
 #
-# A component of which all steps are in a window costs there what it costs in the whole. Of the
-# others
-# the stretch in the window is a problem of its own: the assignment and the prices of the whole
-# bracket it; what stays open is solved, from there, many stretches side by side.
+# A component with all its steps in a window has the same cost there as in the whole problem. The
+# stretch of any other component in the window is a separate problem. The assignment and prices of
+# the whole problem bracket its cost. Open brackets are solved from that start, many together.
 
 
 def slide(
@@ -737,20 +737,20 @@ def slide(
     Parameters
     ----------
     states : States
-        The whole.
+        The whole problem.
     weights : (S,) int array
         A feasible assignment, in units of 1/ONE.
     prices : (K,) float array
-        Prices of its column slots, 0 or more.
+        Prices of the column slots, 0 or more.
     solver : Certified
-        What solves stretches, and to which gap; its time limit is that of all of them together.
+        Solver of the stretches, with its gap; its time limit is the total for all stretches.
     spans : pair of (K,) int arrays
         First and last step of each window, in order.
     reduced : tuple of Reduced
-        What is known of the whole at smaller cutoffs.
+        Bounds of the whole problem at smaller cutoffs.
     progress : Progress, optional
-        Gets the share that is done; what is not begun when it is to stop has the bracket that the
-        solution of the whole proves.
+        Receiver of the share that is done. After a stop, stretches not yet begun keep the bracket
+        that the solution of the whole problem proves.
     """
     problem = states.problem
     first, last = spans
@@ -775,14 +775,14 @@ def slide(
 
 
 def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Return the parts of blocks that the windows have, each once.
+    """Return the distinct stretches of blocks in the windows.
 
     Returns
     -------
     stretches : (3, N) int array
-        Block, and first and last step of each.
+        Block, and first and last step of each stretch.
     parts : pair of (M,) int arrays
-        Windows, and a stretch that each consists of.
+        Window, and a stretch in it.
     """
     opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
     low = np.searchsorted(last, opens)
@@ -792,7 +792,7 @@ def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[In
     begin = np.maximum(first[window], opens[block])
     end = np.minimum(last[window], closes[block])
     steps = np.int64(states.problem.steps)
-    # Windows go on in time, so equal ones follow each other.
+    # Windows are in order of time, so equal stretches follow each other.
     fresh = np.diff(block, prepend=-1) != 0
     fresh[1:] |= np.diff(begin * steps + end) != 0
     return np.stack((block, begin, end))[:, fresh], (window, np.cumsum(fresh) - 1)
@@ -835,7 +835,7 @@ def _added(
     of_windows: tuple[Ints, Ints],
     spans: tuple[Ints, Ints],
 ) -> Windows:
-    """Sum the stretches of each window, and the objects in it that are near to none."""
+    """Sum the stretches of each window, and its objects without a near pair."""
     (first, last), parts, lower_bounds, error = spans, bounds[:4], bounds[4], bounds[5]
     window, stretch = of_windows
 

@@ -1,8 +1,8 @@
-"""Derivatives of a result: those of the cost of its assignment, which is held.
+"""Derivatives of a result: those of the cost of its assignment, which is kept fixed.
 
-The metric is a minimum over assignments, so by the envelope theorem (Danskin) its derivative is
-that of the cost at the best one, where that is unique; else it is a subgradient of the minimum's
-directional derivatives (docs/how-to/gradient.md).
+The metric is a minimum over assignments. By the envelope theorem (Danskin), its derivative is the
+derivative of the cost at the best assignment, where the best one is unique. Otherwise this is a
+subgradient of the minimum's directional derivatives (docs/how-to/gradient.md).
 """
 
 import math
@@ -18,12 +18,12 @@ from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE
+from tgospa_eval.quoting import option
 from tgospa_eval.results.gradient import Gradient
-from tgospa_eval.text import option
 
 
 def gradient(result: PairEvaluation) -> Gradient:
-    """Return derivatives of the total by estimate states, cutoff and switch penalty."""
+    """Return the derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
@@ -45,7 +45,7 @@ def gradient(result: PairEvaluation) -> Gradient:
     change = share * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
     mismatch = result.scale * float(np.sum(problem.mismatch(entry) * (proof.weights[used] / ONE)))
     total, particles, first = _moved(sides, request.distance, pairs, change)
-    at_zero = math.nan if p == 1 else 0.0  # where switches are free, any number of them is best
+    at_zero = math.nan if p == 1 else 0.0  # free switches: any number of them is best
     return Gradient(
         total=total,
         particles=particles,
@@ -66,8 +66,9 @@ def _moved(
 ) -> tuple[Floats, Floats | None, Ints | None]:
     """Return the derivative by each state of the estimate (R, d), of clouds by particle (P, d).
 
-    `given` is the distance without what it takes from the data, `change` (N,) that of the total by
-    the distance of each pair; clouds also have the place of their first particles (R + 1,).
+    `given` is the distance before it is fitted to the data. `change` (N,) is the derivative of the
+    total by the distance of each pair. Clouds also have the index of the first particle of each
+    state (R + 1,).
     """
     aligned, distance = fitted.alignment, fitted.distance
     sides = aligned.truth.reduced_to(distance.kinds), aligned.estimate.reduced_to(distance.kinds)

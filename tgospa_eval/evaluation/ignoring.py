@@ -1,6 +1,6 @@
-"""Rules for states that are not judged: attributes of the truth, marks, steps without truth.
+"""Rules for states that are not evaluated: truth attributes, marks, and steps without truth.
 
-What they do to the numbers is in `problem.metric_family.ignore_states`.
+Their effect on the numbers is defined in `problem.metric_family.ignore_states`.
 """
 
 import operator
@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.formats.reading import Regions
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import MARKED, MARKS, OWN_MARKS, marked, marks_of
 from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.trajectories import Trajectories, Values
@@ -41,18 +41,18 @@ RULE = re.compile(r"\s*([^<>=]+?)\s*(?<!!)(<=|>=|<|>|=)\s*([^<>=].*?)\s*")
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """Rows of the truth by the value of a column.
+    """Rule that selects rows of the truth by the value of a column.
 
     Parameters
     ----------
     text : str
-        As it was given.
+        Rule as it was given.
     column : str
-        Its name.
+        Name of the column.
     sign : str
         ``=``, or one of `COMPARISONS`.
     values : tuple of str
-        One, or those of which any is equal.
+        One value, or for ``=`` several values, of which one must be equal.
     """
 
     text: str
@@ -61,12 +61,12 @@ class Condition:
     values: tuple[str, ...]
 
     def fits(self, values: Values) -> Mask:
-        """Return a mask of the values (R,) that fit; missing ones do not.
+        """Return a mask of the values (R,) that match the rule; missing values do not.
 
         Raises
         ------
         ConfigError
-            Texts are to be compared by size, or numbers with a text.
+            Texts are compared by size, or numbers with a text.
         """
         numbers = [parsed(text) for text in self.values]
         if self.sign == "=":
@@ -87,25 +87,25 @@ class Condition:
                     f"texts, such as {quoted(given[0])}; compare them with ="
                 )
             return np.zeros(len(values), bool)
-        fitting: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
+        fitting: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN matches no condition
         return fitting
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ignoring:
-    """Rules for states that are not judged.
+    """Rules for states that are not evaluated.
 
     Parameters
     ----------
     texts : tuple of str
-        As given.
+        Rules as they were given.
     conditions : tuple of Condition
-        Rows of the truth that are ignored.
+        Conditions for the rows of the truth that are ignored.
     regions : Regions, optional
-        In which states of the estimate are excused.
+        Regions in which states of the estimate are excused.
     max_speed : float
-        How fast truths may leave the line across a gap, in units of states per second, or per unit
-        of the stamps.
+        Largest speed at which true objects may leave the line across a gap, in units of states per
+        second, or per unit of the timestamps.
     """
 
     texts: tuple[str, ...] = ()
@@ -120,7 +120,7 @@ class Ignoring:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """Settings that change the number, by the names of the JSON; regions by their digest."""
+        """Settings that change the number, by their JSON names; regions by their digest."""
         given = {
             "ignore": list(self.texts),
             "max_speed": self.max_speed,
@@ -135,17 +135,17 @@ class Ignoring:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns that readers should look for."""
+        """Columns that readers must look for."""
         marks = (column for rule, column in MARKS.items() if rule in self.texts)
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Return both sides with the marks that follow from what the files say.
+        """Return both sides with the marks that follow from the content of the files.
 
         Raises
         ------
         ConfigError
-            The truth lacks a column, or a side has no marks that are asked for.
+            The truth lacks a column, or a side lacks requested marks.
         InputError
             A mark is neither yes nor no.
         """
@@ -160,17 +160,17 @@ class Ignoring:
         Raises
         ------
         ConfigError
-            It has none.
+            A side lacks these marks.
         """
         for (rule, column), there, name in zip(MARKS.items(), attributes, names, strict=True):
             if rule in self.texts and column not in there:
-                other = f"; for marks of estimates there is {OWN_MARKS}" * (rule == MARKED)
+                other = f"; for marks of estimates use {OWN_MARKS}" * (rule == MARKED)
                 raise ConfigError(f"{option('ignore', rule)}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
-        """Return the rules with classes as the truth writes them, and messages about absent ones.
+        """Return the rules with classes as the truth writes them, and messages on absent classes.
 
-        One recording of many may lack a class.
+        An absent class is not an error, because one recording of many may lack it.
         """
         conditions, absent = [], []
         for rule in self.conditions:
@@ -187,7 +187,7 @@ class Ignoring:
         return replace(self, conditions=tuple(conditions)), absent
 
     def marked(self, side: Reading, role: str, name: str) -> Reading:
-        """Return one side with the marks that follow from what its file says.
+        """Return one side with the marks that follow from the content of its file.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class Ignoring:
         return marked(truth, inside(self.regions, truth, tolerance, name))
 
     def messages(self, *, ignored: bool, excused: bool) -> Iterator[str]:
-        """Yield messages where no truth is ignored, or no estimate excused."""
+        """Yield messages if all states of the truth count, or all states of the estimate."""
         if self.regions is not None and not excused:
             what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
             yield f"{self.regions.name}: {what}"
@@ -224,7 +224,7 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Return the estimate with rows marked that are in a region, or at no time of the truth."""
+        """Return the estimate with rows marked in a region, or at times without truth."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)
@@ -237,12 +237,12 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """Parse rules, each text one rule or several with commas; `max_speed` is for gaps.
+    """Parse rules; a text has one rule or several with commas, and `max_speed` is for gaps.
 
     Raises
     ------
     ConfigError
-        One cannot be understood.
+        A rule cannot be understood.
     """
     given = tuple(dict.fromkeys(rule for text in texts for rule in _rules(text)))
     conditions = []
@@ -269,9 +269,9 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
 
 
 def _rules(text: str) -> list[str]:
-    """Split rules: ``class=Van,Person,marked`` has two, as a list of a settings file has.
+    """Split rules: ``class=Van,Person,marked`` has two, as has a list in a settings file.
 
-    What is no rule of itself is another value of the one before.
+    A part that is not a rule is another value of the rule before it.
     """
     rules: list[str] = []
     for part in (part.strip() for part in text.split(",")):
@@ -283,7 +283,7 @@ def _rules(text: str) -> list[str]:
 
 
 def _values(truth: Reading, rule: Condition, name: str) -> Values:
-    """Return the values of the column of a rule, of each row of the truth."""
+    """Return the value of each row of the truth in the column of a rule."""
     if rule.column != CLASS:
         values = truth.trajectories.attributes.get(rule.column)
         if values is None:

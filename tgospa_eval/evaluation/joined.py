@@ -1,7 +1,7 @@
-"""Many small pairs as one problem, one after the other in time, with the numbers of each by itself.
+"""Many small pairs as one problem, one after the other in time, with separate results.
 
-Nothing joins two of them: no step, no object, no component. Search, reduction, trivial components
-and certificate take all at once; a pair with components that need a solver is solved by itself.
+Two pairs share no step, object or component. Search, reduction, trivial components and certificate
+process all pairs at once. A pair with components that need a solver is solved separately.
 """
 
 import itertools
@@ -59,7 +59,7 @@ from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SURELY = 1.001
-"""Margin by which a test must be passed, since sums are rounded otherwise."""
+"""Margin by which a test must be passed, since sums are rounded differently."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
@@ -91,21 +91,21 @@ def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
 
 
 class JoinedPairs:
-    """Pairs one after the other in time.
+    """Pairs of sides as one problem, one after the other in time.
 
     Parameters
     ----------
     pairs : sequence of AlignedPair
-        What is evaluated, each like the first (`is_like`).
+        Pairs to evaluate, each like the first (`is_like`).
     request : EvaluationRequest
-        What is asked of them, of which `can_be_joined` is true.
+        Request for which `can_be_joined` is true.
 
     Attributes
     ----------
     steps : (N + 1,) int array
-        First step of each pair, and the end.
+        First step of each pair, and the end of the last one.
     tracks, rows : lists of two (N + 1,) int arrays
-        The same of the tracks and of the rows of either side.
+        First track and first row of each pair on either side, and the end of the last one.
     """
 
     def __init__(self, pairs: Sequence[AlignedPair], request: EvaluationRequest) -> None:
@@ -122,7 +122,7 @@ class JoinedPairs:
         self.distance, self.sides = pairs[0].distance, (sides[0], sides[1])
 
     def reduced(self) -> States:
-        """Return the problem of all pairs, and note where the parts of each pair are in it."""
+        """Return the problem of all pairs, and note the parts of each pair in it."""
         resources = Resources(jobs=1)
         prepared, distance = self.distance.prepared(self.sides, resources)
         near = prepared_pairs(prepared, self.parameters.cutoff, distance, resources)
@@ -151,9 +151,10 @@ class JoinedPairs:
         )
 
     def sound(self) -> Mask:
-        """Return a mask of pairs in which `diagnose` sees nothing wrong; others may be well.
+        """Return a mask of pairs in which `diagnose` finds nothing wrong; others are undecided.
 
-        Its first tests, on the same steps of all pairs at once. What is near a limit is not sound.
+        The first tests of `diagnose` run at the same steps for all pairs at once. A pair close to a
+        limit is not sound.
         """
         sides, count = self.sides, len(self.steps) - 1
         both = places_of(occupied(sides[0]) & occupied(sides[1]))
@@ -198,7 +199,7 @@ class JoinedPairs:
         return displaced
 
     def _moved(self, here: StepCosts, truth: StepRows, steps: Ints, pair: Ints) -> Mask:
-        """Return a mask of pairs that may fit better one step earlier or later."""
+        """Return a mask of pairs that may fit better when shifted by one step."""
         count, ways = len(self.steps) - 1, len(MOVES)
         moved = (steps + MOVES).clip(self.steps[pair], self.steps[pair + 1] - 1)
         truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, ways))
@@ -221,10 +222,10 @@ class JoinedPairs:
         return better
 
     def costs(self) -> Iterator[Costs | None]:
-        """Yield bounds and breakdown of each, those of an evaluation by itself to the last bit.
+        """Yield costs of each pair, equal to those of a separate evaluation to the last bit.
 
-        None of a pair that has to be evaluated by itself: it has costs that need another cutoff, or
-        is not solved by what all are solved by.
+        None means that the pair must be evaluated separately: some of its costs need another
+        cutoff, or the joint methods do not solve it.
         """
         self.states = states = self.reduced()
         problem = states.problem
@@ -245,7 +246,7 @@ class JoinedPairs:
             yield costs if proven else None
 
     def _solve(self) -> tuple[Floats, Floats, Mask]:
-        """Return weights (S,) and prices (K,), and a mask of pairs to be evaluated separately."""
+        """Return weights (S,), prices (K,), and a mask of pairs that are evaluated separately."""
         states, price = self.states, self.parameters.switch_price
         weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
         separate, highest = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
@@ -268,7 +269,7 @@ class JoinedPairs:
         return weights, prices, separate
 
     def _part(self, k: int) -> tuple[States, slice, slice]:
-        """Return the problem of one pair, and where its states and column slots are."""
+        """Return the problem of one pair, and the slices of its states and column slots."""
         problem = self.states.problem
         part, state, slot = self.states.between(*self.blocks[k : k + 2])
         step, last = self.steps[k : k + 2].tolist()
@@ -315,7 +316,7 @@ class JoinedPairs:
 
 
 def _medians(values: Floats, group: Ints, count: int) -> Floats:
-    """Return the median of the values of each group, 1 of none."""
+    """Return the median of the values of each group, 1 for an empty group."""
     order = np.lexsort((values, group))
     first = np.searchsorted(group[order], np.arange(count + 1))
     size, ordered = np.diff(first), np.append(values[order], 1.0)
@@ -324,7 +325,7 @@ def _medians(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _significances(values: Floats, group: Ints, count: int) -> Floats:
-    """Return `significance` of the values of each group, which come in order."""
+    """Return `significance` of the values of each group; groups are in order."""
     size = np.bincount(group, minlength=count)
     parts = np.minimum(size, STRETCHES)
     of = np.arange(count).repeat(parts)
@@ -341,5 +342,5 @@ def _significances(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _ends(sizes: Iterable[int]) -> Ints:
-    """Return the begin of each part, and the end."""
+    """Return the begin of each part, and the end of the last one."""
     return np.concatenate(([0], np.cumsum([*sizes]))).astype(np.int32)

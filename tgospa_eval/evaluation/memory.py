@@ -1,6 +1,6 @@
-"""Memory that an evaluation takes, and the division of data in parts by a limit.
+"""Memory of an evaluation, and the division of data into parts under a memory limit.
 
-Numbers are measured as the sum over all processes, with what they share counted once:
+The constants are measured sums over all processes, with shared memory counted once.
 ``tests/benchmarks/partitioned.py`` compares the peak with the limit.
 """
 
@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import MemoryTooSmallError
 from tgospa_eval.formats.guess import FORMAT_OF_SUFFIX
 from tgospa_eval.formats.loading import TABLE
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 MB = 10**6
 
@@ -25,44 +25,48 @@ BASE = {
     "report": (125 * MB, 155 * MB),
     "report, drawn": (175 * MB, 215 * MB),
 }
-"""Bytes of interpreter and libraries with CSV and with Parquet files: of an evaluation in memory,
-of the process of data in parts, of each worker beyond what it shares with that, of the report."""
+"""Bytes of interpreter and libraries, with CSV and with Parquet files, by stage.
+
+``whole`` is an evaluation in memory and ``main`` the process of data in parts. ``worker`` is each
+worker without the memory that it shares with ``main``. ``report`` is that of data in parts."""
 
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
-"""For the first guess and for data in parts: bytes of each row that is read and of each near pair
-of a component; the factor of both where pictures are drawn."""
+"""Bytes of each row that is read, bytes of each near pair of a component, factor for pictures.
+
+The first estimate and data in parts use them; the factor applies to both."""
 
 BYTES_COMPARED = 40, 280
-"""For the check in memory, when near pairs are known: bytes of each row and of each near pair until
-the problem is solved."""
+"""Bytes of each row and of each near pair until the problem is solved, with known near pairs."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
-"""Bytes that pictures of trajectories take at most, and for each row of small data."""
+"""Largest number of bytes of pictures of trajectories, and bytes for each row of small data."""
 
 HELPERS = 30 * MB
-"""Bytes of the processes that look after workers."""
+"""Bytes of the processes that manage workers."""
 
 TABLES = 150 * MB
 """Bytes of a worker that writes tables."""
 
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
-"""Bytes of data that a process needs at least, and from which more processes are quicker."""
+"""Bytes of data that a process needs at least, and from which more processes are faster."""
 
 MAX_ROWS = 4_000_000
-"""Rows of a block at most, however much memory there is."""
+"""Largest number of rows of a block, whatever the memory."""
 
 BYTES_OF_BLOCK = 600
 """Bytes that a worker needs for each row of a block."""
 
 SHARD_ENTRIES = 1_000_000
-"""Entries of a shard of many components: some seconds of work in some 200 MB."""
+"""Entries of a shard of many components: some seconds of work in about 200 MB."""
 
 BYTES_OF_SHARD, BYTES_OF_MARKS, BYTES_KEPT = 400, 100, 60
-"""Bytes for each near pair of a shard, whose last component may double it; more for each where some
-states are ignored; and more for each of a component whose assignments are written."""
+"""Bytes for each near pair of a shard, and further bytes with ignored states or with assignments.
+
+The first is for shards whose last component doubles them. The last is for each near pair of a
+component whose assignments are written."""
 
 TIP = 1 << 16
-"""Bytes at the begin of a text that tell how long its lines are."""
+"""Bytes at the beginning of a text from which the length of its lines is estimated."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +76,13 @@ class Share:
     Parameters
     ----------
     jobs : int
-        Number of processes; 1 is the process that starts the work.
+        Number of processes; 1 means only the process that starts the work.
     data : int
-        Bytes of data of each.
+        Bytes of data of each process.
     single : int
-        Bytes of data of one process, once there are no others.
+        Bytes of data of one process while it is the only one.
     fixed : int
-        Bytes that all take then beside these data.
+        Bytes of all processes in addition to these data.
     tables : bool
         Whether there is memory for processes that write tables.
     entry : int
@@ -96,14 +100,14 @@ class Share:
     def of(
         cls, limit: int, jobs: int, formats: Sequence[str], *, pictures: bool, cluster: bool
     ) -> "Share":
-        """Divide a limit among as many processes as have enough of it each.
+        """Divide a limit among as many processes as have enough memory each.
 
         Parameters
         ----------
         limit : int
-            Bytes of all processes together; of each worker of a cluster.
+            Bytes of all processes together; on a cluster, bytes of each worker.
         jobs : int
-            Number of processes at most.
+            Largest number of processes.
         formats : sequence of str
             Formats of the files.
         pictures : bool
@@ -114,7 +118,7 @@ class Share:
         Raises
         ------
         MemoryTooSmallError
-            The limit is below what one process needs.
+            The limit is below the need of one process.
         """
         main, report = base("main", formats), base(f"report{', drawn' * pictures}", formats)
         entry = BYTES_AN_ENTRY + BYTES_KEPT * pictures
@@ -134,12 +138,12 @@ class Share:
 
     @property
     def rows(self) -> int:
-        """Rows of a block."""
+        """Number of rows of a block."""
         return max(min(MAX_ROWS, self.data // BYTES_OF_BLOCK), 1)
 
     @property
     def entries(self) -> int:
-        """Entries of a shard of many components."""
+        """Number of entries of a shard of many components."""
         return max(min(SHARD_ENTRIES, self.data // BYTES_OF_SHARD), 1)
 
     def fits_component(self, entries: int, *, masked: bool) -> bool:
@@ -150,12 +154,12 @@ class Share:
         entries : int
             Near pairs of the largest shard.
         masked : bool
-            Whether some states may not be judged.
+            Whether some states may not be evaluated.
 
         Raises
         ------
         MemoryTooSmallError
-            Not even one process alone can; the message says what it needs.
+            The component does not fit even in a single process; the message names the needed size.
         """
         needed = entries * (self.entry + BYTES_OF_MARKS * masked)
         if entries <= self.entries or needed <= self.data:
@@ -171,25 +175,25 @@ class Share:
 
 
 def base(stage: str, formats: Sequence[str]) -> int:
-    """Return the bytes that a stage takes without any data, for files of these formats."""
+    """Return the bytes of a stage without any data, for files of these formats."""
     return BASE[stage]["parquet" in formats]
 
 
 def size_text(size: float) -> str:
-    """Return bytes as an option has them, rounded up: 110MB, 2.4GB."""
+    """Return bytes in the form of an option value, rounded up: 110MB, 2.4GB."""
     tens = math.ceil(size / (10 * MB))
     return f"{10 * tens}MB" if tens < 100 else f"{math.ceil(tens / 10) / 10:g}GB"
 
 
 def format_of(path: str) -> str | None:
-    """Return the format that the name of a file tells."""
+    """Return the format that the suffix of a file name means."""
     return FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
 
 
 def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
-    """Return about how much an evaluation of files in memory takes.
+    """Return the approximate memory of an evaluation of files in memory.
 
-    Near pairs beyond one for each two rows are not counted here, but in `check_pairs`.
+    Near pairs beyond one for every two rows are only counted in `check_pairs`.
     """
     formats = [format_of(path) or "" for path in paths]
     read = [_rows(path, format) for path, format in zip(paths, formats, strict=True)]
@@ -201,26 +205,26 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return the limit until a problem is solved, such that its pictures fit into `limit`."""
+    """Return the limit up to the solution of a problem, so that its pictures fit into `limit`."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)
 
 
 def check_pairs(rows: int, pairs: int, limit: int) -> None:
-    """Refuse to solve a problem in memory that would take more than the limit.
+    """Check that a problem can be solved in memory within the limit.
 
     Parameters
     ----------
     rows, pairs : int
-        Rows of both sides, and near pairs.
+        Numbers of rows of both sides, and of near pairs.
     limit : int
-        Bytes, of interpreter and libraries as well.
+        Limit in bytes, including interpreter and libraries.
 
     Raises
     ------
     MemoryTooSmallError
-        It would; the message says how much.
+        The problem needs more than the limit; the message says how much.
     """
     formats = ["parquet" if "pyarrow" in sys.modules else "csv"]
     of_row, of_pair = BYTES_COMPARED
@@ -233,14 +237,14 @@ def check_pairs(rows: int, pairs: int, limit: int) -> None:
 
 
 def _rows(path: str, format: str) -> tuple[int, float]:
-    """Return the bytes of a file that are read, and about how many rows it has."""
+    """Return the bytes of a file that are read, and its approximate number of rows."""
     if format == "parquet":
         try:
             import pyarrow.parquet as pq  # lazy: for large files only
 
             metadata = pq.read_metadata(path)
         except (ModuleNotFoundError, OSError, ValueError):
-            return 0, 0.0  # who reads it says what is wrong
+            return 0, 0.0  # the reader of the file reports the error
         return 0, float(metadata.num_rows)
     size = os.path.getsize(path)
     with open(path, "rb") as file:

@@ -8,9 +8,9 @@
     IDF1 = 2 IDTP / (2 IDTP + IDFN + IDFP),
 
 where n counts the matches of the two tracks of a match, and a is a threshold of the similarity.
-Floating point operations have the order that they have there, so that every digit is the same; what
-a dense matrix adds beside that is zeros. Only steps where a state is in several pairs need an
-assignment: it alone makes a matrix, of that step.
+Floating point operations have the same order as in TrackEval, so that every digit is the same; a
+dense matrix only adds zeros. Only steps where a state is in several pairs need an assignment, so
+only these steps need a matrix.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,10 +23,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS
 
 THRESHOLD = 0.5
-"""Similarity from which a pair matches, in CLEAR and Identity."""
+"""Smallest similarity of a match, in CLEAR and Identity."""
 
 THRESHOLDS = np.arange(0.05, 0.99, 0.05)
-"""Similarities from which a pair matches, in HOTA."""
+"""Smallest similarities of a match, in HOTA."""
 
 SUMMED_FIELDS = {
     "hota": ("HOTA_TP", "HOTA_FN", "HOTA_FP", "AssA", "AssRe", "AssPr", "LocA"),
@@ -36,33 +36,33 @@ SUMMED_FIELDS = {
     ),
     "identity": ("IDTP", "IDFN", "IDFP"),
 }
-"""Numbers from which sequences are joined; of HOTA with one for each threshold."""
+"""Numbers by metric from which sequences are joined; for HOTA, one for each threshold."""
 
 SUM_AT_ONCE = 4096
-"""Numbers that are added as one dense array."""
+"""Number of values that are added as one dense array."""
 
 Sums = dict[str, Any]
-"""Numbers and arrays by name, of `SUMMED_FIELDS`."""
+"""Numbers and arrays by the names of `SUMMED_FIELDS`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimilarPairs:
-    """All pairs of states of one step with a similarity above 0, by step, truth and estimate.
+    """All pairs of states at the same step with a similarity above 0, by step, truth and estimate.
 
     Parameters
     ----------
     step : (P,) int array
         Step of each pair.
     place : (2, P) int array
-        Place of its two states among those of the step, in the order that decides ties.
+        Positions of its two states among those of the step, in the order that decides ties.
     track : (2, P) int array
-        Their tracks, counted from 0.
+        Tracks of its two states, counted from 0.
     similarity : (P,) float array
-        In (0, 1].
+        Similarity of each pair, in (0, 1].
     sizes : (2, T) int array
-        States of each step.
+        Number of states of each step.
     lengths : pair of int arrays
-        States of each track, at least one.
+        Number of states of each track, at least one.
     """
 
     step: Ints
@@ -73,7 +73,7 @@ class SimilarPairs:
     lengths: tuple[Ints, Ints]
 
     def cells(self) -> Ints:
-        """Return one number for each pair of tracks: that of its place in a matrix of all."""
+        """Return the position of each pair of tracks in a matrix of all tracks, as one number."""
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
@@ -103,7 +103,7 @@ class SimilarPairs:
 
 
 def hota(pairs: SimilarPairs) -> Sums:
-    """Compute HOTA: matches at every threshold, of one assignment that prefers joint tracks."""
+    """Compute HOTA: matches at every threshold, from one assignment that prefers joint tracks."""
     similarity = pairs.similarity
     union = similarity.copy()  # pairs without rivals have s + s - s
     for part, at, matrix in pairs.disputed():
@@ -142,11 +142,11 @@ def hota(pairs: SimilarPairs) -> Sums:
 
 
 def clear(pairs: SimilarPairs) -> Sums:
-    """Compute CLEAR: an assignment step by step, which keeps the matches of the step before."""
+    """Compute CLEAR: an assignment at each step that keeps the matches of the step before."""
     sizes, lengths = pairs.sizes, pairs.lengths
     pairs = pairs.near(THRESHOLD - TRACKEVAL_EPS)
     both = sizes.all(axis=0)
-    turn = np.cumsum(both)[pairs.step]  # the step among those with states on either side
+    turn = np.cumsum(both)[pairs.step]  # number of the step among those with both sides
     cells = pairs.cells()
     order = np.argsort(cells, kind="stable")
     follows = (np.diff(cells[order]) == 0) & (np.diff(turn[order]) == 1)
@@ -179,7 +179,7 @@ def clear(pairs: SimilarPairs) -> Sums:
 def identity(pairs: SimilarPairs) -> Sums:
     """Compute identity metrics: the assignment of whole tracks that shares most steps.
 
-    Each truth has an estimate of its own beside the others, with which it shares nothing.
+    Each true object has an additional estimate, with which it shares no step.
     """
     from scipy.sparse import coo_array  # lazy: slow to import
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
@@ -220,7 +220,7 @@ def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
 
 
 def finished(name: str, sums: Mapping[str, Any]) -> Sums:
-    """Return numbers of `METRIC_FIELDS` that follow from the sums, and these."""
+    """Return the numbers of `METRIC_FIELDS` that follow from the sums, and the sums."""
 
     def ratio(number: Any, *parts: Any) -> Any:
         return number / np.maximum(1.0, sum(parts))
@@ -257,7 +257,8 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
     """Return a mask of the assignment with the largest score at each step.
 
-    `score` is that of the pairs of a step, > 0, from what is taken before; [-1] of that is False.
+    `score` returns scores > 0 of the pairs of a step, from the mask of pairs assigned before. The
+    mask has one more element at the end, which is False.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
@@ -273,7 +274,7 @@ def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Ma
 
 
 def _by_step(step: Ints, values: Floats) -> np.float64:
-    """Return the sum of the sums of the steps, each one after the other."""
+    """Return the sum over steps of the sum of each step, added in order."""
     total: np.float64 = np.bincount(step, values, 1).cumsum()[-1]
     return total
 

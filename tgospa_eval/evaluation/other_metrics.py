@@ -1,12 +1,12 @@
-"""Other metrics beside TGOSPA: HOTA, CLEAR (MOTA) and Identity (IDF1), and per-step GOSPA.
+"""Metrics in addition to TGOSPA: HOTA, CLEAR (MOTA), Identity (IDF1) and per-step GOSPA.
 
-The first three are those of TrackEval in every digit, on similarities of the states of a step,
+The first three equal those of TrackEval in every digit. The similarity of states at a step is
 
     s = max(0, 1 - d / z),   z = 1 for boxes, where s is the IoU, and z = 2 c for all other states,
 
-as TrackEval has it for points. A pair matches for CLEAR and Identity where s >= 1/2: an IoU of 1/2,
-or d <= c. HOTA is the mean over the thresholds 0.05, 0.10, ..., 0.95 of s. They are no
-costs, and nothing of them is proven.
+as in TrackEval for points. A pair matches for CLEAR and Identity where s >= 1/2: an IoU of 1/2,
+or d <= c. HOTA is the mean over the thresholds 0.05, 0.10, ..., 0.95 of s. These metrics are not
+costs, and they have no proof.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,8 +32,8 @@ from tgospa_eval.evaluation.mot_metrics import (
 from tgospa_eval.evaluation.prepare import PreparedPair, pairs_at_reports
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.solution import evaluated_rows
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import OtherMetrics, PairProof
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import ClockReports
 from tgospa_eval.tracks.trajectories import file_order
 
@@ -45,21 +45,21 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""Numbers that are kept of each metric, by the names of TrackEval; of arrays the mean."""
+"""Numbers that are kept of each metric, by the names of TrackEval; arrays by their mean."""
 
 IOU = "iou"
-"""The distance of states whose similarity is TrackEval's, to the bit."""
+"""Name of the distance whose similarity is that of TrackEval, to the bit."""
 
 AT = "at"
-"""Between the name of a metric and those of its fields with a number for each threshold."""
+"""Text between the name of a metric and a field with a number for each threshold."""
 
 MIN_SIMILARITY = 1e-300
-"""A margin with which the search returns the boxes at its limit as well, that only touch."""
+"""Margin with which the search returns also boxes at its limit, which only touch."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComputedMetrics:
-    """Other metrics of one evaluation, in the form in which several can be joined.
+    """Other metrics of one evaluation, in a form in which several evaluations can be joined.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class ComputedMetrics:
     zero: float
 
     def sums(self) -> dict[str, float | list[float]]:
-        """Return the sums from which several are joined, as plain values, which `of_sums` reads."""
+        """Return the sums from which several are joined, as plain values for `of_sums`."""
         sums: dict[str, float | list[float]] = {}
         for name, numbers in self.by_name.items():
             for key in SUMMED_FIELDS[name]:
@@ -89,14 +89,14 @@ class ComputedMetrics:
 
 
 def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
-    """Return other metrics in the form in which they can be joined, but for GOSPA.
+    """Return other metrics except GOSPA, in the form in which they can be joined.
 
     Parameters
     ----------
     sums : mapping
-        As of `ComputedMetrics.sums`, perhaps among others.
+        Sums of `ComputedMetrics.sums`, possibly with other values.
     names : iterable of str
-        Metrics but GOSPA that are in it.
+        Metrics in the sums, except GOSPA.
     zero : float
         Distance at which the similarity is 0.
     """
@@ -116,20 +116,20 @@ def other_metrics(
     resources: Resources,
     proof: PairProof | None = None,
 ) -> ComputedMetrics:
-    """Return metrics by name, of two sides as they are compared.
+    """Return metrics of two sides as they are compared.
 
-    Where states are not judged, those of similarities are without them: see `problem.solution`.
+    Metrics of similarities leave out states that are not evaluated (`problem.solution`).
 
     Parameters
     ----------
     prepared : PreparedPair
-        The problem; filters, grid and joined stamps hold for these metrics as well.
+        Prepared problem; its filters, grid and joined timestamps apply to these metrics as well.
     names : sequence of str
-        Of `evaluation.request.OTHER_METRICS`.
+        Names from `evaluation.request.OTHER_METRICS`.
     resources : Resources
-        How to search for pairs, and the clock.
+        Settings of the search for pairs, and the stopwatch.
     proof : PairProof, optional
-        The assignment that says which estimates follow ignored truths.
+        Assignment that shows which estimates follow ignored objects.
     """
     cutoff = prepared.parameters.cutoff
     largest = prepared.distance.largest
@@ -160,8 +160,8 @@ def other_metrics(
 def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
     """Return the record of one evaluation, or of several as one.
 
-    Several are joined as TrackEval joins sequences: matches are counted over all of them, and what
-    is a ratio is one of these sums. Costs of GOSPA are means, as all costs of several runs are.
+    Several are joined as TrackEval joins sequences: matches are counted over all of them, and
+    ratios are computed from these sums. Costs of GOSPA are means, like all costs of several runs.
     """
     first = several[0]
     record: dict[str, dict[str, float]] = {}
@@ -182,7 +182,7 @@ def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
 
 
 def _plain(value: Any) -> float:
-    """Return a number of Python: counts stay whole, of an array the mean."""
+    """Return a plain number: counts stay whole, and an array gives its mean."""
     mean = np.mean(value) if np.ndim(value) else value
     return int(mean) if float(mean).is_integer() and not np.ndim(value) else float(mean)
 
@@ -207,7 +207,7 @@ def _similar_pairs(
 ) -> SimilarPairs:
     """Return all pairs with a similarity above 0; tracks without a row do not count.
 
-    Their places are in the order of the files, which decides where sums are equal.
+    Positions follow the order of the files, which decides between equal sums.
     """
     boxes = distance.name == IOU and reports is None
 

@@ -1,6 +1,6 @@
-"""The evaluation of one pair of sides, and the sum of those of classes that never meet.
+"""Evaluation of one pair of sides, and the sum of evaluations of separate classes.
 
-Knows no solver and no file.
+This module depends on neither solvers nor files.
 """
 
 import hashlib
@@ -28,6 +28,7 @@ from tgospa_eval.problem.solution import (
     read_switches,
     read_tracks,
 )
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_nees, or_none
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import Explanation
@@ -44,7 +45,6 @@ from tgospa_eval.results.records import (
 )
 from tgospa_eval.results.slices import added_up
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import AlignedPair
@@ -53,16 +53,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PairEvaluation(Evaluation):
-    """Result of one evaluation. Attributes have the names of the JSON; tables are built when read.
+    """Result of one evaluation, with attributes named as in the JSON, and tables built on access.
 
     Parameters
     ----------
     proof : PairProof
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
-        Times and ids, the gap that counts as exact, options, and how it was made.
+        Times and ids, the gap that counts as exact, options, and the origin of the result.
     source : pair of AlignedPair and EvaluationRequest, optional
-        What was evaluated, and how.
+        Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
         Further values of each assigned pair, in the order of the table of assignments: parts of
         the cost by name, and ``nees``.
@@ -82,7 +82,7 @@ class PairEvaluation(Evaluation):
 
     @cached_property
     def tracked(self) -> Tracked:
-        """States and pairs of the assignment, as the summary reads them."""
+        """States and pairs of the assignment, in the form that the summary reads."""
         return Tracked.of(self.proof)
 
     @cached_property
@@ -104,7 +104,7 @@ class PairEvaluation(Evaluation):
         return self._per_track(k, (self.labels.truths, self.labels.estimates)[k])
 
     def _assignments(self) -> Columns:
-        """Return pairs that both exist, are nearer than the cutoff, and are assigned."""
+        """Return the assigned pairs in which both states exist and are nearer than the cutoff."""
         problem = self.proof.states.problem
         assigned = read_assigned(self.proof.states, self.proof.weights)
         cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
@@ -120,14 +120,14 @@ class PairEvaluation(Evaluation):
         }
 
     def _marks(self, entry: Ints) -> Columns:
-        """Return whether the truth of each pair is ignored, where any is."""
+        """Return whether the true object of each pair is ignored, if any is."""
         problem = self.proof.states.problem
         if problem.unjudged is None:
             return {}
         return {"ignored": problem.unjudged[0][problem.truth_row[entry]].astype(int).tolist()}
 
     def _switches(self) -> Columns:
-        """Return changes of each truth's assignment, from its largest loss to its largest gain."""
+        """Return changes of each true object's assignment, from largest loss to largest gain."""
         switches = read_switches(self.proof.states, self.proof.weights)
         named = [*self.labels.estimates, None]  # the last one is the name of -1
         price = self.proof.states.problem.switch_price_at[switches.step]
@@ -150,9 +150,9 @@ class PairEvaluation(Evaluation):
     def step_numbers(self) -> Arrays:
         """Return counts of states, and other metrics that add up, of each step, (T,) each.
 
-        ``truth_states``, ``estimate_states`` and ``assigned_states`` as in the summary;
-        ``nees.total`` of ``nees.pairs`` pairs, where there are covariances; ``gospa`` and its parts
-        in state units to the power p, where that was asked for.
+        ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary.
+        ``nees.total`` is the sum over ``nees.pairs`` pairs, where there are covariances. ``gospa``
+        and its parts are in state units to the power p, if requested.
         """
         size, tracked = len(self.labels.times), Tracked.of(self.proof)
         step, weight = tracked.truth.step, tracked.weight
@@ -182,7 +182,7 @@ class PairEvaluation(Evaluation):
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))
 
     def _of_assigned(self, by: str, size: int) -> Columns:
-        """Return parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
+        """Return parts of the localisation cost, and mean NEES, by step, truth or estimate."""
         if not self.assigned:
             return {}
         assigned = read_assigned(self.proof.states, self.proof.weights)
@@ -204,7 +204,7 @@ def explanation_of(evaluation: Evaluation) -> Explanation | None:
 
 
 def source_of(result: PairEvaluation) -> "tuple[AlignedPair, EvaluationRequest]":
-    """Return the data and the request: enough to evaluate something like it.
+    """Return the data and the request of a result, for further evaluations of the same data.
 
     Raises
     ------
@@ -221,12 +221,12 @@ B = TypeVar("B", bound=Brackets)
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class EvaluationByClass(Evaluation):
-    """One result for each class, and their sum: totals, bounds, counts and parts add up.
+    """Result of each class, and their sum: totals, bounds, counts and parts add up.
 
     Parameters
     ----------
     results : dict of str to Result
-        By class, in order; at least one.
+        At least one result, by class, in order.
     """
 
     results: Mapping[str, PairEvaluation]
@@ -242,12 +242,12 @@ class EvaluationByClass(Evaluation):
         return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
-        """Return tables of tracks class by class, with the class in front."""
+        """Return tables of tracks class by class, with the class as first column."""
         tables = {part: made.table(name) for part, made in self.results.items()}
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
         for column in dict.fromkeys(name for table in tables.values() for name in table):
-            joined[column] = [  # some classes have no states that are not judged
+            joined[column] = [  # some classes have no states that are not evaluated
                 value
                 for part, table in tables.items()
                 for value in table.get(column, [0] * sizes[part])
@@ -263,7 +263,7 @@ class EvaluationByClass(Evaluation):
         }
 
     def to_dict(self) -> Json:
-        """Return the document of the sum, with those of the classes."""
+        """Return the document of the sum, with the documents of the classes."""
         return super().to_dict() | {
             "by_class": {name: part.to_dict() for name, part in self.results.items()}
         }
@@ -277,11 +277,11 @@ def add_up(
     Parameters
     ----------
     results : dict
-        By class, at least one, all on the same steps and with the same settings.
+        At least one result by class, all on the same steps and with the same settings.
     files : pair of dict
-        The two files, as of `input_record`.
+        Records of the two files (see `input_record`).
     read : float
-        Seconds that reading took.
+        Reading time in seconds.
 
     Raises
     ------
@@ -377,7 +377,7 @@ def _sum_of_brackets(parts: list[B | None]) -> B | None:
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
     """Return the record of a file, with the rows left out and a digest of its classes."""
-    # Numbers of the other file are left out: the truth has a digest of its own.
+    # Counts of the whole file are left out, because each class has its own digest.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())
@@ -396,7 +396,7 @@ def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float]
 
 
 def _sum_of_times(parts: list[Json], read: float) -> Json:
-    """Sum seconds by name; the time per state is no sum and left out."""
+    """Sum seconds by name, except the time per state, which is not a sum."""
     no_sums = ("solve", "nanoseconds_per_state")
     flat = [{k: v for k, v in part.items() if k not in no_sums} for part in parts]
     total = _sums([*flat, {"read": read, "total": read}])

@@ -1,4 +1,4 @@
-"""Before any solver: from what a user gives to two sides on one grid, near pairs, the problem."""
+"""Preparation before any solver: two sides on one grid, their near pairs, and the problem."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -28,9 +28,9 @@ from tgospa_eval.problem.metric_family import (
 )
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.states import States, merge_runs
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import ComparedSides, Json, Labels, input_record
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.coverage import (
     AWAY,
@@ -52,20 +52,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AlignedPair:
-    """Two sides that fit each other.
+    """Two sides that are compatible and on one grid.
 
     Parameters
     ----------
     given : pair of Trajectories
-        Truth and estimate, each on its own times.
+        Truth and estimate, each at its own times.
     read : pair of Trajectories
-        The same, brought to the steps that were asked for.
+        Truth and estimate at the requested steps.
     alignment : Alignment
-        The same on one grid.
+        Truth and estimate on one grid.
     distance : Distance
-        Base distance with what it takes from the data.
+        Base distance, fitted to the data.
     axis : Axis
-        How both came to their steps.
+        Both sides at their steps, and how they were brought there.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -77,9 +77,9 @@ class AlignedPair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredSides(ComparedSides):
-    """Two sides that are compared: what problems with other parameters have in common.
+    """Two sides that are compared, for problems with different parameters.
 
-    `settings` are without parameters and those of the solver.
+    `settings` do not include the parameters and the settings of the solver.
 
     Parameters
     ----------
@@ -87,11 +87,10 @@ class MeasuredSides(ComparedSides):
         Truth and estimate, aligned and prepared.
     distance : Distance
         Base distance, prepared.
-    recorded : callable
-        Makes rows and digest of either side, and what a value is judged on; trials of repairs
-        need neither.
+    Callable that returns rows and digest of either side, and the data on which a value is
+    evaluated. Trials of repairs need neither.
     step_weights : pair of float arrays, optional
-        What each step counts.
+        Weights of each step.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
     """
@@ -103,7 +102,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """Return the problem of pairs that include all nearer than the cutoff."""
+        """Return the problem of `near`, which must have all pairs nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -119,12 +118,12 @@ class MeasuredSides(ComparedSides):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PreparedPair(MeasuredSides):
-    """A problem that waits for a solver: what all solvers have in common.
+    """Problem that is ready for any solver.
 
     Parameters
     ----------
     parameters : Parameters
-        Cutoff, order and switch penalty; `settings` has them as well.
+        Cutoff, order and switch penalty, which are also in `settings`.
     states : States
         The reduced problem.
     """
@@ -147,7 +146,7 @@ class PreparedPair(MeasuredSides):
 
     @property
     def compared(self) -> ComparedSides:
-        """Sides of the proof."""
+        """Sides as they are kept with the proof."""
         kept = vars(self)
         return ComparedSides(**{field.name: kept[field.name] for field in fields(ComparedSides)})
 
@@ -159,7 +158,7 @@ def prepare(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> PreparedPair:
-    """Build the problem of two sides, all before the solver."""
+    """Build the problem of two sides, with all work before the solver."""
     measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
@@ -183,11 +182,11 @@ class NearPairs:
     pairs : Pairs
         Near pairs.
     unjudged : pair of (R,) bool arrays, optional
-        Ignored rows of the truth, excused rows of the estimate.
+        Ignored rows of the truth, and excused rows of the estimate.
     reach : (R_truth,) float array, optional
-        How far beyond the cutoff an ignored truth may be followed.
+        Distance beyond the cutoff up to which an estimate may follow each ignored true state.
     given : bool
-        Distances are not those of the states of these rows, but of reports at their stamps.
+        Whether distances are those of reports at their own timestamps, not of these rows.
     """
 
     sides: Sides
@@ -206,7 +205,7 @@ class NearPairs:
         cutoff: float,
         resources: Resources,
     ) -> "NearPairs":
-        """Return both sides as they are compared, and their pairs that matter at such a cutoff."""
+        """Return both sides as they are compared, and their pairs within this cutoff."""
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
             aligned.truth.reduced_to(distance.kinds),
@@ -246,7 +245,7 @@ class NearPairs:
         )
 
     def problem(self, parameters: Parameters) -> Problem:
-        """Return the problem of these pairs, with the states that are not judged."""
+        """Return the problem of these pairs, with the states that are not evaluated."""
         (truth, estimate), pairs, near, at_cutoff = self.sides, self.pairs, None, 0
         if self.unjudged is not None:
             near = pairs.distance < parameters.cutoff
@@ -278,10 +277,10 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Return pairs whose gain jumps with the distance, and where: the cutoff, with a reach.
+        """Return pairs whose gain jumps at some distance, and this distance: cutoff plus reach.
 
-        Those of an ignored truth and an estimate that is not excused; all others gain less and
-        less up to the cutoff, so that no rounding there matters.
+        They are pairs of an ignored true state and an estimate that is not excused. The gain of all
+        other pairs falls to 0 up to the cutoff, so rounding does not matter there.
         """
         assert self.unjudged is not None
         ignored, excused = self.unjudged
@@ -293,7 +292,7 @@ class NearPairs:
 def pairs_at_reports(
     clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]
 ) -> Pairs:
-    """Return pairs of rows on a common clock, by a search at the stamps of the reports."""
+    """Return pairs of rows on a common clock, from a search at the timestamps of the reports."""
     none = np.zeros(0, np.int64)
     blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
     for (truth, reports), rows in clock.blocks():
@@ -311,7 +310,7 @@ def recorded_settings(
     columns: tuple[str, ...],
     reports: "ClockReports | None" = None,
 ) -> dict[str, object]:
-    """Return every option that changes the number, without parameters and those of the solver."""
+    """Return every option that changes the number, except parameters and solver settings."""
     return {
         "distance": distance.name,
         **distance.settings(columns),
@@ -335,7 +334,7 @@ def measure(
 ) -> tuple[MeasuredSides, "NearPairs"]:
     """Return both sides as they are compared, and all pairs nearer than the cutoff.
 
-    `files` are those of the two sides, as of `input_record`; by default their rows.
+    `files` are the records of both sides (see `input_record`), by default with their rows only.
     """
     distance, aligned = sides.distance, sides.alignment
 
@@ -348,7 +347,7 @@ def measure(
         truth, estimate = (
             side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
-        scene: dict[str, Any] = {  # as read, not as a distance scales or whitens them
+        scene: dict[str, Any] = {  # before a distance scales or whitens the states
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
@@ -391,7 +390,7 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """Return how far beyond the cutoff each row of the truth may be followed, if any may."""
+    """Return the distance beyond the cutoff within which each true state may be followed."""
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
     if not speed or AWAY not in truth.attributes:  # nothing was interpolated
         return None
@@ -406,9 +405,9 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Return near pairs, and those of truths in gaps within their `reach` beyond the cutoff.
+    """Return near pairs, and pairs of true states in gaps within `reach` beyond the cutoff.
 
-    With the cutoff comes its margin, up to which there are pairs as well.
+    `cutoff` is the cutoff and its margin; the search includes pairs within the margin.
     """
     rows = np.flatnonzero(reach > 0)
     if not len(rows):
@@ -430,7 +429,7 @@ def with_far_pairs(
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
-    """Return ignored rows of the truth and excused rows of the estimate, if there are any."""
+    """Return ignored rows of the truth and excused rows of the estimate; None if all count."""
     if request.ignoring is None:
         return None
     masks = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
@@ -448,7 +447,7 @@ def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
 def _recorded(
     sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Coverage]:
-    """Return rows and digests of both sides, and the digest of what counts."""
+    """Return rows and digests of both sides, and the digest of the data that counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
@@ -476,14 +475,14 @@ def fit(
     names: tuple[str, str] = ("truth", "estimate"),
     placed: Callable[[Sides], Axis] | None = None,
 ) -> AlignedPair:
-    """Return both sides on the same steps, and the distance with its settings of the data.
+    """Return both sides on the same steps, and the distance fitted to the data.
 
-    `placed` brings them to steps that were found before, by default those that are asked for.
+    `placed` brings the sides to steps that are already known; the default is the requested steps.
 
     Raises
     ------
     ConfigError
-        The grid leaves no step, or probabilities of existence are asked for and not there.
+        The grid leaves no step, or requested probabilities of existence are missing.
     InputError
         Columns, states, times or probabilities do not fit each other or the distance; `names` are
         for messages.
@@ -510,7 +509,7 @@ def fit(
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.reports is not None:
         aligned = replace(aligned, reports=axis.reports)
-    if time_matching.of_estimate:  # the horizon has its stamps and those of its outages
+    if time_matching.of_estimate:  # the horizon has the timestamps of estimate and outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -520,7 +519,7 @@ def fit(
     if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
         raise InputError(
             f"{names[1]}: {option('with_', NEES)}: its states have neither covariances (columns "
-            "cov_xx, cov_xy, cov_yy or std_x, std_y) nor particles, which are not interpolated"
+            "cov_xx, cov_xy, cov_yy or std_x, std_y) nor particles (interpolation drops particles)"
         )
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)
@@ -530,7 +529,7 @@ def fit(
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """Return the weights of the steps as a document names them: by their digest."""
+    """Return the weights of the steps as a document records them: by their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

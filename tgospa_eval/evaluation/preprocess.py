@@ -1,16 +1,18 @@
 """Rows that benchmarks leave out before they evaluate, or mark.
 
-MOTChallenge of 2016 and 2017, and KITTI in the image, match at each step the boxes of the estimate
-with those of the truth, one to one: the sum of their IoU is largest, and only pairs with an IoU of
-1/2 or more count. Estimates that are matched with a truth that is not judged are left out. KITTI
-leaves out others, too, that are small or in a region `DontCare`: where the shared area is more than
-half of the estimate's, by one region. Their rules, and the order of their steps, are those of
-TrackEval; where sums are equal the order of the rows in the file decides, as there. VisDrone leaves
-out, on both sides, what has half of its area or more in ignored regions, all of a step together
-(dropObjects of its toolkit, but for the edge of the image, which no file has); so does UA-DETRAC.
+MOTChallenge of 2016 and 2017, and KITTI in the image, match boxes of the estimate and the truth one
+to one at each step: the sum of their IoU is largest, and only pairs with an IoU of 1/2 or more
+count. Estimates matched with a true object that is not evaluated are left out. KITTI also leaves
+out other estimates that are small or in a region `DontCare`, where one region has more than half of
+the estimate's area. Rules and order of steps are those of TrackEval; the order of rows in the file
+decides between equal sums, as in TrackEval.
 
-Instead of leaving them out by a matching that no metric knows, ``:ignore`` marks: truths that are
-not judged are ignored, estimates that are small or in a region are excused.
+VisDrone leaves out, on both sides, boxes with half of their area or more in ignored regions, all
+boxes of a step together. This is dropObjects of its toolkit without the edge of the image, which is
+in no file. UA-DETRAC uses the same rule.
+
+``:ignore`` marks rows instead of leaving them out by a matching that no metric uses: true objects
+that are not evaluated are ignored, and estimates that are small or in a region are excused.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,7 +32,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.reading import Regions
 from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.coverage import marked
 from tgospa_eval.tracks.trajectories import file_order
@@ -39,27 +41,29 @@ IGNORE = "ignore"
 
 PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
-"""A person on a vehicle, a static person, a distractor, a reflection."""
+"""Classes of a person on a vehicle, a static person, a distractor, and a reflection."""
 
 NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting")}
-"""Classes that KITTI judges, and those that a tracker may take for them."""
+"""Classes that KITTI evaluates, and classes with which a tracker may confuse them."""
 
 HIDDEN = ("truncated", "occluded")
 MAX_OCCLUDED, MIN_HEIGHT = 2, 25
-"""A truth that is more occluded, or truncated at all, is not judged; estimates are to be higher."""
+"""Occlusion above which a true object is not evaluated, and height that estimates must exceed.
+
+A truncated true object is not evaluated either."""
 
 MIN_MATCH = 0.5 - TRACKEVAL_EPS
-"""IoU from which boxes match."""
+"""Smallest IoU of boxes that match."""
 
 MAX_INSIDE = 0.5 + TRACKEVAL_EPS
-"""Share of a box in a region DontCare that it may have."""
+"""Largest share of a box inside a region DontCare."""
 
 
 class RowRoles(NamedTuple):
     """Roles of the rows of both sides in a benchmark.
 
-    `evaluated` and `neutral` rows of the truth: those that are to be found, and those that may be.
-    Rows of the estimate that the benchmark has `removed`, and those that are `excused` wherever
+    `evaluated` rows of the truth must be found, and `neutral` rows may be found. `removed` rows of
+    the estimate are left out by the benchmark. `excused` rows of the estimate are excused wherever
     they are matched.
     """
 
@@ -82,21 +86,21 @@ def preprocessed(
     Parameters
     ----------
     rule : str
-        Its name, and with ``:ignore`` that rows are marked instead of left out.
+        Name of the benchmark; with ``:ignore``, rows are marked instead of left out.
     sides : pair of Reading
-        Boxes; of the truth those that are judged and those with classes that may be taken for
-        them, with their classes.
+        Boxes with their classes. The truth has the classes that are evaluated, and those with which
+        they may be confused.
     everything : callable
-        Reads all boxes of the truth, with classes and the attribute ``conf``.
+        Callable that reads all boxes of the truth, with classes and the attribute ``conf``.
     names : pair of str
-        Of the files, for messages.
+        Names of the files, for messages.
     regions : Regions, optional
-        Of the option ``--ignore-regions``.
+        Regions of the option ``--ignore-regions``.
 
     Raises
     ------
     ConfigError
-        The truth does not say what is not judged.
+        The truth does not mark the boxes that are not evaluated.
     """
     benchmark, _, how = rule.partition(":")
     chosen = option("preprocess", rule)
@@ -132,14 +136,14 @@ def preprocessed(
 
 
 def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:
-    """Warn where numbers are made of more rows here than in the tables of a benchmark.
+    """Warn if numbers include more rows than in the tables of a benchmark.
 
     Parameters
     ----------
     truth : Reading
-        As it is compared.
+        Truth as it is compared.
     everything : callable
-        Reads all boxes of the truth, with the attribute ``class`` if there is one.
+        Callable that reads all boxes of the truth, with the attribute ``class`` if it exists.
     """
     text = ""
     if truth.format == "motchallenge":
@@ -172,12 +176,12 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
 
 
 def evaluated_class(classes: tuple[str, ...] | None, rule: str) -> str:
-    """Return the requested class of the truth, as KITTI evaluates it.
+    """Return the requested class of the truth, which must be a class that KITTI evaluates.
 
     Raises
     ------
     ConfigError
-        It is not one of them.
+        The class is not one of these, or not exactly one class is requested.
     """
     requested = [name.strip().casefold() for name in classes or ()]
     if len(requested) != 1 or requested[0] not in NEIGHBOURS:
@@ -219,7 +223,7 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRole
 
 
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
-    """Return roles as of UA-DETRAC, in whole pixels: regions begin one before their edges."""
+    """Return roles by the rule of UA-DETRAC in whole pixels; regions grow by one pixel."""
     wider = np.array([-1.0, -1.0, 1.0, 1.0])
     regions = truth.regions and replace(
         truth.regions,
@@ -236,14 +240,14 @@ def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowR
 
 
 def _pixels(boxes: Floats) -> Floats:
-    """Return boxes in whole pixels, from 1 on, halves up."""
+    """Return boxes in whole pixels, at least 1, with halves rounded up."""
     return np.maximum(np.floor(boxes + 0.5), 1.0)
 
 
 def _in_regions(
     truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
 ) -> RowRoles:
-    """Return roles without any state in a region."""
+    """Return roles in which states inside a region do not count."""
     within, excused = (
         np.zeros(side.taken, bool)
         if regions is None
@@ -254,7 +258,7 @@ def _in_regions(
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
-    """Return a mask of rows of these classes, in capitals or not."""
+    """Return a mask of rows of these classes, in any case."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
     known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
@@ -262,12 +266,12 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
 
 
 def _on(neutral: Mask, match: Ints) -> Mask:
-    """Return a mask of the rows that are matched with a neutral truth."""
+    """Return a mask of the rows that are matched with a neutral true object."""
     return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
 
 def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
-    """Return the row of the truth that each row of the estimate matches; -1 for none."""
+    """Return the row of the truth that matches each row of the estimate, or -1."""
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
     aligned = align(truth.trajectories, estimate.trajectories, TimeMatching(), names)
@@ -289,7 +293,7 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
 
 
 def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
-    """Return the rows that stay, at the steps of the whole file, and count those left out."""
+    """Return the kept rows at the steps of the whole file, with a count of rows left out."""
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading

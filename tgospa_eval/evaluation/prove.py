@@ -1,6 +1,6 @@
-"""Problem -> solution -> proof -> what is known of one evaluation.
+"""Steps from a prepared problem to its solution, its proof, and the result of the evaluation.
 
-`pair_parts` says what the cost of localisation is made of: means and spreads, distances, existence.
+`pair_parts` divides the localisation cost: means and spreads, distances, existence.
 """
 
 import math
@@ -25,11 +25,11 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Bounds, Solution, read_assigned, read_unjudged
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import MEAN, SPREAD, Costs, Json, PairProof
 from tgospa_eval.solvers import Solver
-from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.certified import Certified
@@ -59,9 +59,9 @@ def prove(
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
 ) -> PairEvaluation:
-    """Return the result of a solution; a disposable one loses its weights.
+    """Return the result of a solution; a disposable solution loses its weights.
 
-    The curve and windows are those that the request asks for, if there is one.
+    The request, if given, decides on the curve and the windows.
     """
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
@@ -80,13 +80,13 @@ def prove(
     whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
     known = solution.reduced, stopwatch.progress
     if request and request.curve:
-        from tgospa_eval.evaluation.curve import trace  # lazy: only when it is asked for
+        from tgospa_eval.evaluation.curve import trace  # lazy: only on request
 
         with stopwatch.span("curve"):
             curve_bounds = trace(*whole, *known)
     if request and request.sliding is not None:
         sliding = request.sliding
-        from tgospa_eval.evaluation.curve import slide  # lazy: only when it is asked for
+        from tgospa_eval.evaluation.curve import slide  # lazy: only on request
 
         with stopwatch.span("windows"):
             window_bounds = slide(*whole, sliding.spans(prepared.timestamps), *known)
@@ -143,8 +143,8 @@ def make_result(
 ) -> E:
     """Make a result of one kind, in memory or of data in parts.
 
-    `at` is how many pairs are at the cutoff; `more` are further warnings; `parts` are the other
-    fields.
+    `at` is the number of pairs at the cutoff, `more` are further warnings, and `parts` are the
+    other fields.
     """
     gap = solver.gap if solver.proves else GAP
     return kind(
@@ -166,7 +166,7 @@ def make_result(
 
 
 def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
-    """Return the record of the solver for the result; the bracket of its history as costs."""
+    """Return the record of the solver for the result, with the brackets of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
         # The bounds of the proof decide, not the status of the solver.
@@ -194,7 +194,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
 
 
 def nested_timings(stopwatch: Stopwatch) -> Json:
-    """Return spans as a tree, with the names that are always there."""
+    """Return spans as a tree, with the names that every result has."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
     for name, seconds in stopwatch.spans.items():
@@ -209,14 +209,14 @@ def nested_timings(stopwatch: Stopwatch) -> Json:
 
 
 LARGE = 1e7
-"""Coordinates below this have nine decimals of which all are kept."""
+"""Coordinates below which all of nine decimals are kept."""
 
 ROUNDED_DIGIT = 2e-10
-"""Relative error of a total from the rounding of decimals that is worth a warning."""
+"""Smallest relative error of a total, from rounded decimals, that causes a warning."""
 
 
 def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
-    """Warn if the value is as small as one of the last places of the states."""
+    """Warn if the value is no larger than the rounding of the states."""
     if not bounds.within_rounding(gap):
         return ()
     return (
@@ -229,7 +229,7 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
 
 
 def at_cutoff(pairs: int) -> tuple[Notice, ...]:
-    """Warn of so many pairs with an ignored truth whose distance is the cutoff, if any."""
+    """Warn of the number of pairs with an ignored object whose distance is the cutoff, if any."""
     if not pairs:
         return ()
     of = "an ignored truth and an estimate"
@@ -248,9 +248,9 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
 def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notice, ...]:
     """Warn if rounded decimals of large coordinates leave less than ten digits of the total.
 
-    Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
-    sqrt(2) times that, and the cost d^p of an assigned pair by p d^(p - 1) times that. These are
-    independent, so their squares add up.
+    Let u be the spacing of doubles. A decimal has an error of u / sqrt(12), and a difference of two
+    an error larger by sqrt(2). The cost d^p of an assigned pair multiplies it by p d^(p - 1). These
+    errors are independent, so their squares add up.
     """
     largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
     sides = prepared.truth, prepared.estimate
@@ -262,7 +262,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     spacing = float(np.spacing(largest))
     error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
     total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # the bounds show a total of rounding
+    if not ROUNDED_DIGIT * total < error < total:  # above, the bounds show the rounding
         return ()
     return (
         Notice(
@@ -276,11 +276,11 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
 
 
 BLOCK = 1 << 16
-"""Pairs whose distances are taken apart at a time."""
+"""Number of pairs whose distances are split at once."""
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Return parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
+    """Return parts of the cost of each assigned pair (N,), which add up to it, if it has any."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale
@@ -310,9 +310,9 @@ def parts_of_distances(
     entries: Ints,
     rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Return the cost of whole pairs by means and by spreads, if it is a square with such parts.
+    """Return the cost of whole pairs by means and spreads, if it is a square with such parts.
 
-    `rows` are those of the entries in either side.
+    `rows` are the rows of the entries on either side.
     """
     if parameters.order != 2 or type(distance).parts is Distance.parts:
         return {}

@@ -1,6 +1,6 @@
-"""Tests of states in regions: points, and boxes by the share of their area.
+"""Tests whether states are in regions: points, and boxes by the share of their area.
 
-Regions come from a CSV file, a table or GeoJSON.
+Regions come from a CSV file, a table or a GeoJSON document.
 """
 
 import json
@@ -23,7 +23,7 @@ from tgospa_eval.formats.objects import as_frame, is_path
 from tgospa_eval.formats.reading import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.interpolation import match_times
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.trajectories import PLACES, TimeArray, Trajectories
@@ -35,28 +35,28 @@ if TYPE_CHECKING:
 
 
 RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | Mapping[str, Any]"
-"""A path, a table, or a GeoJSON document."""
+"""Path, table, or GeoJSON document."""
 
 GIVEN = "ignore_regions"
 
 HALF = 0.5 - 1e-12
-"""Share of the area of a box from which it is inside, with room for rounding."""
+"""Share of the area from which a box counts as inside, with room for rounding."""
 
 ROUNDED = 2.0**-40
-"""Margin of the distances of boxes when those near each other are searched."""
+"""Relative margin of distances in the search for boxes near each other."""
 
 PLANE, EARTH = ("x", "y"), PLACES
 
 
 def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
-    """Read any accepted form of regions; `decimal` is the mark in a file.
+    """Return regions of any accepted form; `decimal` is the decimal mark in a file.
 
     Raises
     ------
     ConfigError
-        It is of no accepted type, or there are polygons and shapely is missing.
+        The type is not accepted, or there are polygons and shapely is missing.
     InputError
-        A region is wrong: it has no area, or a polygon crosses itself.
+        A region is wrong: it is without an area, or a polygon crosses itself.
     """
     if given is None:
         return None
@@ -86,12 +86,12 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
 def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     """Parse ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or read regions of a file.
 
-    `earth` says that centres are latitudes and longitudes.
+    `earth` means that centres are latitudes and longitudes.
 
     Raises
     ------
     ConfigError
-        It is no circle.
+        The text is not a circle.
     InputError
         The file is missing, or a region in it is wrong.
     """
@@ -123,28 +123,28 @@ def inside(
 ) -> Mask:
     """Return a mask of the rows that are in the regions of their step.
 
-    Points are in a region or on its edge; boxes are, if at least half of their area is in all
-    regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 in that of a
-    region is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
-    a_k)``; 0 where it has no area.
+    Points count in a region or on its edge. Boxes count if at least half of their area is in all
+    regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 inside
+    another is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
+    a_k)``. It is 0 for a box without area.
 
     Parameters
     ----------
     regions : Regions
-        What they are in.
+        Regions that are tested.
     side : Trajectories
-        Its rows (R,).
+        Side with the rows (R,) that are tested.
     tolerance : float
-        Of times that are one step.
+        Difference up to which two times are one step.
     name : str
-        Of the side, for messages.
+        Name of the side, for messages.
     more_than : float, optional
-        Instead of a half the share that has to be exceeded in one region alone.
+        Share that must be exceeded in a single region, instead of a half in all regions.
 
     Raises
     ------
     InputError
-        Regions and states are not of one kind, or their times are not.
+        Kinds or times of regions and states do not fit each other.
     """
     boxes, earth = side.columns == SHAPES[BOX], "lat" in side.columns
     axes = [side.columns.index(c) for c in (EARTH if earth else PLANE) if c in side.columns]
@@ -157,7 +157,7 @@ def inside(
     there = own_places if regions.origin is None else (on_earth(side.state, regions.origin), True)
     largest, total = np.zeros((2, len(side.step)))
     rings = np.array([s.rings[0] if s.kind == BOX else np.zeros(4) for s in regions.shapes])
-    around: list[tuple[Ints, Ints]] = []  # rows and shapes that may have something in common
+    around: list[tuple[Ints, Ints]] = []  # rows and shapes that may overlap
     for step, shapes in _placed(regions, side, tolerance, name).items():
         for rows, shape in _candidates(regions, shapes, side, step, spread=boxes):
             points, places = (
@@ -191,10 +191,11 @@ def inside(
 def _candidates(
     regions: Regions, shapes: Ints, side: Trajectories, step: int | None, *, spread: bool
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield rows of a step, or of all, and the shapes that may overlap with them.
+    """Yield rows of a step, or of all steps, and the shapes that may overlap with them.
 
-    In the plane and in images those whose bounding boxes are near each other: pieces of rows with
-    boxes (`spread`) and of boxes together, other shapes by themselves.
+    In the plane and in images these are pairs with bounding boxes near each other. With `spread`,
+    the rows are boxes. Rows and regions that are both boxes come together, any other region
+    separately.
     """
     begins = starts_of_steps(side)
     low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
@@ -222,7 +223,7 @@ def _candidates(
                 axes=np.ascontiguousarray(axes),
             )
         )
-        # Boxes that touch differ by half of both sizes, so by the larger at most.
+        # Centres of boxes that touch differ by half of both sizes, so at most by the larger size.
         reaches.append(extent.T * (1 + ROUNDED) + ROUNDED * np.abs(axes) + np.finfo(float).tiny)
     of_box = np.array([regions.shapes[k].kind == BOX for k in plain])
     numbers = np.array(plain)
@@ -254,7 +255,7 @@ def _bounds(shape: Shape) -> Floats:
 def _placed(
     regions: Regions, side: Trajectories, tolerance: float, name: str
 ) -> dict[int | None, Ints]:
-    """Return the numbers of the regions of each step of the side; those of all steps under None."""
+    """Return the numbers of the regions at each step of the side; None has those of all steps."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
     at, there = match_times(own, side, tolerance, (regions.name, name))
@@ -268,7 +269,7 @@ def _placed(
 
 
 def _shares(region: Shape | Floats, state: Floats) -> Floats:
-    """Return the share of the area of boxes (N, 4) in a region, or each in its own box (N, 4)."""
+    """Return the share of boxes (N, 4) in a region, or of each box in its own box (N, 4)."""
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
     if isinstance(region, Shape):
@@ -281,7 +282,7 @@ def _shares(region: Shape | Floats, state: Floats) -> Floats:
 
 
 def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
-    """Return the share of the area of one box (4,) that is in several regions together."""
+    """Return the share of the area of one box (4,) that is in any of several regions."""
     begin, end = state[:2], state[:2] + state[2:]
     area = float((end - begin).prod())
     if any(shape.kind != BOX for shape in shapes):
@@ -330,7 +331,7 @@ def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
 
 
 def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
-    """Return the area of boxes (N, 4) that is in several regions together, by shapely."""
+    """Return the area of boxes (N, 4) in several regions together, computed by shapely."""
     for shape in shapes:
         if shape.kind in (CIRCLE, CAP):
             raise InputError(
@@ -344,7 +345,7 @@ def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
 
 
 def _polygon(shape: Shape, *, turned: bool = False) -> Any:
-    """Return a box or polygon as shapely has it; `turned` exchanges its coordinates."""
+    """Return a box or polygon as a shapely object; `turned` exchanges its coordinates."""
     if shape.kind == BOX:
         left, top, width, height = shape.rings[0]
         return _shapely().box(left, top, left + width, top + height)
@@ -363,8 +364,8 @@ def _shapely() -> Any:
 
 
 def _text(value: Any) -> str:
-    """Return a value of a table as a file has it; a list of corners as ``x y; x y``."""
-    import pandas as pd  # lazy: files do without
+    """Return a value of a table as text; a list of corners becomes ``x y; x y``."""
+    import pandas as pd  # lazy: only for tables
 
     if isinstance(value, list | tuple | np.ndarray):
         return "; ".join(" ".join(str(float(part)) for part in pair) for pair in value)
@@ -372,18 +373,18 @@ def _text(value: Any) -> str:
 
 
 NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
-"""Columns of a region."""
+"""Columns that a region can have."""
 
 KNOWN = {name for columns in SHAPES.values() for name in columns}
 
 
 def read_regions(path: str, decimal: str = ".") -> Regions:
-    """Read regions of a CSV file, delimited by comma, semicolon or tab, or of GeoJSON.
+    """Read regions of a CSV file, delimited by comma, semicolon or tab, or of a GeoJSON file.
 
     Raises
     ------
     InputError
-        The file is missing, has other columns, or a region is wrong.
+        The file is missing, has wrong columns, or has a wrong region.
     """
     data = unpack(load(path), path)
     if not data.strip():
@@ -393,7 +394,7 @@ def read_regions(path: str, decimal: str = ".") -> Regions:
             return of_geojson(json.loads(decode(data, path)), path)
         except json.JSONDecodeError as error:
             place = f"{path}, line {error.lineno}, column {error.colno}"
-            raise InputError(f"{place}: no JSON: {error.msg}") from None
+            raise InputError(f"{place}: not JSON: {error.msg}") from None
         except RecursionError:
             raise InputError(f"{path}: not GeoJSON: nested too deeply") from None
     lines, rows = rows_of(data, path, decimal, even=True)
@@ -407,7 +408,7 @@ def of_rows(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Return regions of the rows of a table; `places` are those of the header and of each row.
+    """Return regions of the rows of a table; `places` name the header and each row in messages.
 
     Raises
     ------
@@ -422,7 +423,7 @@ def of_rows(
         what = "columns are missing or duplicate"
         if unknown:
             what = f"column {quoted(unknown[0])} is not a column of regions"
-        raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
+        raise InputError(f"{places[0]}: {what}; must be {NEEDED}, and t for regions of one step")
     shapes, timestamps = [], []
     for place, row in zip(places[1:], rows, strict=True):
         cells = {key: text.strip() for key, text in zip(names, row, strict=True)}
@@ -453,12 +454,12 @@ def of_rows(
 
 
 def of_geojson(document: Any, name: str) -> Regions:
-    """Return regions of a FeatureCollection, a Feature or a geometry; t is their step.
+    """Return regions of a FeatureCollection, Feature or geometry; the property t is their time.
 
     Raises
     ------
     InputError
-        It has other geometries than polygons, or one is wrong.
+        A geometry is not a polygon, or is wrong.
     """
     if not isinstance(document, Mapping):
         raise InputError(f"{name}: not GeoJSON; must be a FeatureCollection of polygons")
@@ -480,7 +481,7 @@ def of_geojson(document: Any, name: str) -> Regions:
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
-    """Return the rings of each polygon of a geometry; of positions the first two numbers."""
+    """Return the rings of each polygon of a geometry, with the first two numbers of positions."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: {quoted(kind)} is neither a Polygon nor a MultiPolygon")
@@ -511,7 +512,7 @@ def _regions(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Make regions, with the times of those that have any."""
+    """Return regions with their shapes, and with timestamps where they have any."""
     timed = [k for k, moment in enumerate(timestamps) if moment.strip()]
     try:
         times = parse_times([timestamps[k] for k in timed], lambda texts: floats(texts, decimal))

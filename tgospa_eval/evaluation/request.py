@@ -13,9 +13,9 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import Parameters, needs_symmetry
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
-from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import MAX_STEPS, SECOND, TIME_UNITS, Conversion, Duration
 from tgospa_eval.tracks.trajectories import TimeArray
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Sliding:
-    """Windows of `size` that begin at the first step, `every` after it, and so on.
+    """Windows of length `size`, the first one at the first step, with spacing `every`.
 
     Parameters
     ----------
     size : int or Duration
-        Length of each, more than 0: steps, or time.
+        Length of each window, more than 0, in steps or as a time.
     every : int or Duration
-        From one to the next, more than 0 and at most `size`, so that each step is in a window.
+        Spacing of windows, more than 0 and at most `size`, so that each step is in a window.
 
     Raises
     ------
     ConfigError
-        A length is out of its range, or one is in steps and the other a time.
+        A length is out of its range, or only one of both is in steps.
     """
 
     size: int | Duration
@@ -60,7 +60,7 @@ class Sliding:
 
     @classmethod
     def of_options(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
-        """Make windows of options: `every` is half a window by default; None without a window.
+        """Return windows of options; `every` is half a window by default, and no window gives None.
 
         Raises
         ------
@@ -80,37 +80,38 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Check that stamps of this kind have seconds, if windows are stretches of time.
+        """Check that timestamps of this kind are in seconds, if windows are stretches of time.
 
         Raises
         ------
         ConfigError
-            They are plain numbers.
+            The timestamps are plain numbers.
         """
         for value, name in ((self.size, option("window")), (self.every, option("every"))):
             if isinstance(value, Duration):
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """Format the length of a window of a recording of so many steps."""
+        """Format the length of a window in a recording with a number of steps."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
-        """Return the first and last step of each window among those at some times, (K,), (K,).
+        """Return the first and last step of each window at these times, (K,), (K,).
 
-        Where the last regular window ends before the last step, one more ends with it, so that all
-        are of one length and no step is left out. A stretch of time without a step is no window.
+        If the last regular window ends before the last step, one more window ends at the last step.
+        So all windows have one length and include all steps. Stretches of time without a step are
+        left out.
 
         Raises
         ------
         ConfigError
-            They are too many.
+            The number of windows is too large.
         """
         if isinstance(self.size, Duration) and isinstance(self.every, Duration):
             return _spans_of_time(times, self.size, self.every)
         steps = len(times)
         size = min(int(self.size), steps)
-        every = min(int(self.every), size)  # the option takes numbers of any size
+        every = min(int(self.every), size)  # the option accepts numbers of any size
         first = np.arange(0, steps - size + 1, every) if steps else np.zeros(0, np.int64)
         if len(first) and first[-1] + size < steps:
             first = np.append(first, steps - size)
@@ -118,12 +119,12 @@ class Sliding:
 
 
 def in_words(length: int | Duration) -> str:
-    """Format a length: 30 steps, or 2min."""
+    """Format a length, such as 30 steps or 2min."""
     return length.text if isinstance(length, Duration) else counted(length, "step")
 
 
 def _length(given: object, name: str) -> int | Duration:
-    """Parse a length: steps, or a time with a unit."""
+    """Parse a length in steps, or a time with a unit."""
     if isinstance(given, str) and re.fullmatch(r"\s*[0-9]{1,99}\s*", given):
         given = int(given)
     if isinstance(given, int | np.integer) and not isinstance(given, bool):
@@ -141,11 +142,11 @@ def _length(given: object, name: str) -> int | Duration:
 
 
 def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[Ints, Ints]:
-    """Return windows from t to before t + size; the last one ends with the last step."""
+    """Return windows from t to before t + size; the last window ends at the last step."""
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
-    length = min(size.nanoseconds, end - begin + 1)  # the option takes numbers of any size
+    length = min(size.nanoseconds, end - begin + 1)  # the option accepts numbers of any size
     spacing = min(every.nanoseconds, length)
     count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
@@ -162,12 +163,12 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
 
 MOT_METRICS = ("hota", "clear", "identity")
 OTHER_METRICS = (*MOT_METRICS, "gospa", NEES)
-"""Metrics that can be evaluated beside TGOSPA, in the order in which they are shown."""
+"""Metrics that can be evaluated in addition to TGOSPA, in the order of display."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationRequest:
-    """Everything that changes the number, its bracket or what is made of it, resolved.
+    """Resolved options that change the number, its bracket, or further results.
 
     Parameters
     ----------
@@ -176,42 +177,42 @@ class EvaluationRequest:
     distance : Distance
         Base distance.
     solver : Solver
-        Record of settings.
+        Solver with its settings.
     time_matching : TimeMatching
-        Which stamps are one step, and which steps count.
+        Rules for joining timestamps into steps, and for the steps that count.
     unit : str, optional
-        Of the states, for printing.
+        Unit of the states, for display.
     curve : bool
-        Whether to evaluate the steps up to each step as well.
+        Whether to evaluate also the steps up to each step.
     sliding : Sliding, optional
-        Which sliding windows to evaluate as well.
+        Sliding windows to evaluate as well.
     with_ : sequence of str
-        Other metrics beside it, of `OTHER_METRICS` but for NEES.
+        Other metrics, from `OTHER_METRICS` without NEES.
     nees : bool
-        Whether NEES is asked for where the distance compares points; else there is none then.
+        Whether NEES is requested, where the distance compares points.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
-        Which of cutoff and switch_penalty nobody chose.
+        Names of cutoff and switch_penalty that have their default value.
     slices : sequence of SliceBy
         Attributes by which costs are split.
     step_weights : WeightsByTime, optional
-        What each step counts; all the same by default.
+        Weight of each step; all steps have the same weight by default.
     existence : {"ignore", "use"}
         Whether probabilities of existence count.
     ignoring : Ignoring, optional
-        What is not judged.
+        Rules for states that are not evaluated.
     conversion : Conversion
-        From the estimate's own stamps and states to those that are compared; frames of coordinates
-        aside.
+        Conversion of the estimate's own timestamps and states to those that are compared, except
+        for frames of coordinates.
     memory : int, optional
-        Bytes that the whole process may take until the problem is solved.
+        Largest number of bytes of the whole process until the problem is solved.
 
     Raises
     ------
     ConfigError
-        The curve or windows are asked of a solver that cannot make them, or probabilities of
-        existence beside prices of missed and false targets that differ.
+        The solver cannot make the requested curve or windows, or probabilities of existence are
+        used with different prices of missed and false targets.
     """
 
     parameters: Parameters
@@ -245,7 +246,7 @@ class EvaluationRequest:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Columns of states beside points: those that the distance compares, or all for NEES."""
+        """Kinds of states besides points: those that the distance compares, or all for NEES."""
         return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 
     @property
@@ -261,7 +262,7 @@ def chosen_parameters(
     switch_penalty: float | None,
     rho: float = 0.5,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return parameters with the defaults of a distance for None, and the names of those.
+    """Return parameters, with a distance's defaults for None, and the names of the defaults.
 
     Raises
     ------
@@ -276,16 +277,18 @@ def chosen_parameters(
 
 
 NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
-"""Names of numbers that are asked for, by the metrics that have them."""
+"""Metrics by the names of numbers in them that may be requested."""
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Return names of other metrics in our order; a text has them with commas, mota is of clear.
+    """Return names of other metrics in the order of display; a text separates them by commas.
+
+    The names of `NUMBERS_OF` are replaced by those of their metrics.
 
     Raises
     ------
     ConfigError
-        A name is not that of a metric.
+        A name is not the name of a metric.
     """
     chosen = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
     chosen = [NUMBERS_OF.get(name, name) for name in chosen]

@@ -1,11 +1,12 @@
-"""Costs and counts of the reported assignment, each in one slice or shared between slices.
+"""Costs and counts of the reported assignment, split into slices by attributes.
 
-A cost belongs to a row: localisation and misses to that of the truth at the step, a false target to
-its own, a switch to the row of its truth at the step that it is booked at. Each share of a row
-adds to one slice, by sums in pairs: slices add up to the total but for a few roundings.
+Each cost belongs to a row. Localisation and misses belong to the row of the truth at the step, and
+a false target to its own row. A switch belongs to the row of its true object at the step where it
+is counted. Each share of a row is in one slice, and sums are pairwise, so slices add up to the
+total except for a few roundings.
 
-Values of attributes are columns, or follow from the states; by them each state belongs to a slice,
-or to several with a share each.
+Values of attributes are columns, or follow from the states. The value of a state decides its slice,
+or its shares in several slices.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,6 +31,7 @@ from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.solution import evaluated_rows
 from tgospa_eval.problem.states import ONE, changes, spare
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.records import PARTS, PairProof
 from tgospa_eval.results.slices import (
     AND_MORE,
@@ -44,38 +46,37 @@ from tgospa_eval.results.slices import (
     Slicing,
     added_up,
 )
-from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 MAX_DISTINCT = 20
-"""Different numbers that have a slice each where no edges are given."""
+"""Largest number of different numbers with a slice each, without given edges."""
 
 MAX_SLICES, MAX_CROSSINGS = 200, 5_000
-"""Slices by one attribute, and by two."""
+"""Largest numbers of slices by one attribute, and by two attributes."""
 
 NOT_KNOWN = -1.0
-"""Number of MOTChallenge and KITTI for an unknown share."""
+"""Number for an unknown share in MOTChallenge and KITTI files."""
 
 QUARTILES = (0.25, 0.5, 0.75)
 
 
 SideShare = tuple[Ints, Floats]
-"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1."""
+"""Slice of each row of a side (R,), and the share of the row in it, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Members:
-    """The slices by one attribute or two, and what is in them.
+    """Slices by one or two attributes, and the shares of rows in them.
 
     Parameters
     ----------
     names : list of str
-        Of all slices.
+        Names of all slices.
     shares : tuple of tuple of SideShare
-        Of truth and estimate; of each row they sum to 1.
+        Shares of truth and estimate; the shares of each row sum to 1.
     kept : (n,) bool array
-        Slices that are shown even if nothing is in them.
+        Mask of the slices that are shown even if they are empty.
     """
 
     names: list[str]
@@ -106,18 +107,18 @@ def members(
     Parameters
     ----------
     attribute : Attribute
-        What is asked for.
+        Requested attribute.
     values : pair of (R,) arrays or None
-        Of truth and estimate.
+        Values of truth and estimate.
     rows : pair of int
-        How many each side has.
+        Number of rows of each side.
     summed : bool
-        Whether ranges must not depend on the data.
+        Whether slices are added up with others, so that ranges must not depend on the data.
 
     Raises
     ------
     ConfigError
-        The values do not fit what is asked for, or there would be too many slices.
+        The values do not fit the request, or the number of slices would be too large.
     """
     there = [side for side in values if side is not None]
     texts = [side for side in there if side.dtype.kind == "O" and any(side.tolist())]
@@ -155,7 +156,7 @@ def _numbers(
     texts: Sequence[Values],
     wanted: str,
 ) -> list[Floats | None]:
-    """Return the values as numbers; a column of blanks alone is one of missing numbers."""
+    """Return the values as numbers; a column with blanks only has missing numbers."""
     if texts:
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
@@ -176,7 +177,7 @@ def _numbers(
 def _weighted(
     attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Make two slices, with the share w and 1 - w of each row; a third for rows without a value."""
+    """Return two slices with shares w and 1 - w of each row, and one for rows without a value."""
     values = [
         None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
     ]
@@ -203,7 +204,7 @@ def _weighted(
 def _ranged(
     edges: Sequence[float], values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Make a slice from each edge to before the next, the last with its end, and one outside."""
+    """Return a slice from each edge to before the next, the last edge included, and one outside."""
     inner = [edge for edge in edges if np.isfinite(edge)]
     low, high = edges[0] == -np.inf, edges[-1] == np.inf
     names = [f"{UNDER}{_shown(inner[0])}"]
@@ -230,14 +231,13 @@ def _by_text(
     *,
     summed: bool,
 ) -> Members:
-    """Make a slice for each text, or for those that are named and one for all others."""
+    """Return a slice for each text, or for each named text and one for all other texts."""
     sides = [None if side is None else _as_texts(side).tolist() for side in values]
     there = {text for side in sides for text in side or ()} - {""}
     names = list(attribute.values) or sorted(there, key=natural)
     if there and not summed and attribute.values and not there & set(names):
         raise ConfigError(
-            f"{option('slices')} {attribute.name}={':'.join(names)}: none of these exists; there "
-            "are "
+            f"{option('slices')} {attribute.name}={':'.join(names)}: no such value; the values are "
             f"{listed(sorted(there, key=natural)[:10])}"
         )
     if len(names) > MAX_SLICES:
@@ -259,7 +259,7 @@ def _by_text(
 
 
 def _as_texts(values: Values) -> Values:
-    """Return numbers beside the texts of another side, as texts."""
+    """Return numbers as texts, for comparison with the texts of another side."""
     if values.dtype.kind == "O":
         return values
     texts = ["" if value != value else _shown(value) for value in values.tolist()]
@@ -272,7 +272,7 @@ def _numbered(
     rows: tuple[int, int],
     kept: Mask | None = None,
 ) -> Members:
-    """Add slices for rows without a value, -1, and for a side without the attribute, None."""
+    """Return slices, with one for rows without a value (-1), or for sides without values (None)."""
     size = len(names)
     truth, estimate = (
         np.full(count, size + 1) if side is None else np.where(side < 0, size, side)
@@ -288,7 +288,7 @@ def _numbered(
 
 
 def _shown(value: float) -> str:
-    """Format a number of a name: as short as it can be."""
+    """Format a number in a name, as short as possible."""
     return str(int(value)) if value.is_integer() and abs(value) < EXACT_BELOW else repr(value)
 
 
@@ -309,25 +309,25 @@ def values_of(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Values | None, Values | None]:
-    """Return the values of truth and estimate rows; None where a side has no such attribute.
+    """Return the values of truth and estimate rows, None for a side without the attribute.
 
-    A column goes before what would follow from the states under the same name.
+    A column has precedence over values of the same name that follow from the states.
 
     Parameters
     ----------
     sides : pair of Trajectories
         Truth and estimate on one grid.
     attribute : Attribute
-        Which.
+        Attribute whose values are returned.
     distance : Distance
         Base distance.
     cutoff : float
-        Neighbours are nearer than this.
+        Distance below which other objects are neighbours.
 
     Raises
     ------
     ConfigError
-        Neither side has it.
+        Both sides are without the attribute.
     """
     first, second = (_column(side, attribute.name) for side in sides)
     name = attribute.name.partition("@")[0]
@@ -347,7 +347,7 @@ def values_of(
 
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
-    """Count the other objects of this side that are nearer than the cutoff."""
+    """Return the number of other objects of this side that are nearer than the cutoff."""
     own_side = side.reduced_to(distance.kinds)
     resources = Resources(jobs=1)
     both, distance = distance.prepared((own_side, own_side), resources)
@@ -360,7 +360,7 @@ def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats
 
 
 def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> str:
-    """Describe an attribute that neither side has."""
+    """Return the message about an attribute that both sides lack."""
     name = attribute.name
     offered = {header for side in sides for header in side.offered}
     for column, _, _ in attribute.ranges:
@@ -381,12 +381,12 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
         )
     return (
         f"{option('slices')} {quoted(name)}: neither side has such a column (found: "
-        f"{listed(there)}); beside columns there are {', '.join(DERIVED)}"
+        f"{listed(there)}); other attributes are {', '.join(DERIVED)}"
     )
 
 
 def _column(side: Trajectories, name: str) -> Values | None:
-    """Return a column by its name: requested, of the states, ids or times."""
+    """Return a column by its name: an attribute, a state column, ids or times."""
     if name in side.attributes:
         given: Values = side.attributes[name]
         return given
@@ -408,7 +408,7 @@ def _is_earth(side: Trajectories) -> bool:
 
 
 def _positions(side: Trajectories) -> Floats:
-    """Return the places of the objects, (d, R), without speeds that states may have beside them."""
+    """Return the positions of the objects, (d, R), without velocities in the states."""
     if side.columns == BOX:
         left, top, width, height = side.state.T
         return np.stack((left + 0.5 * width, top + 0.5 * height))
@@ -419,7 +419,7 @@ def _positions(side: Trajectories) -> Floats:
 
 
 def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
-    """Return lengths between places (d, N), on the Earth in metres."""
+    """Return distances between positions (d, N), in metres on the Earth."""
     if _is_earth(side):
         return Haversine().between(zip(first, second, strict=True))
     difference: Floats = first - second
@@ -428,7 +428,7 @@ def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
 
 
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
-    """Return the distance from a point, by as many coordinates as it has; from 0 by default."""
+    """Return distances from a point (default: origin), in the coordinates that the point has."""
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
@@ -445,10 +445,11 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
 
 
 def _speeds(side: Trajectories) -> Floats:
-    """Return the length of the velocity, of the states or else from the neighbours in time.
+    """Return speeds from the velocity in the states, or else from neighbouring rows in time.
 
-    From the row before to the row after, at the ends of a track from or to the row itself; per
-    second where times are ISO times. A track of one row has none.
+    The difference is between the rows before and after. At an end of the track, the row itself
+    replaces the missing one. Speeds are per second where times are ISO times. A track of one
+    row is without speed.
     """
     velocity = [side.columns.index(name) for name in ("vx", "vy", "vz") if name in side.columns]
     if velocity:
@@ -472,7 +473,7 @@ def _speeds(side: Trajectories) -> Floats:
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Return the area of boxes: of the states, or width times height of columns, or of length."""
+    """Return the area of boxes from the states, or width times height or length from columns."""
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
     width = _extent(side, "width", ("left", "right"))
@@ -482,7 +483,7 @@ def _sizes(side: Trajectories) -> Floats | None:
 
 
 def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
-    """Return a size by its column, or by those of both ends, as far as they are numbers."""
+    """Return a size from its numeric column, or as difference of the columns of its ends."""
     columns = [side.attributes.get(column) for column in (name, *ends)]
     numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in columns]
     if numbers[0] is not None or not ends:
@@ -492,14 +493,14 @@ def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | No
 
 
 def _ages(side: Trajectories) -> Floats:
-    """Return the steps since the first of the track."""
+    """Return the number of steps since the first step of the track."""
     first = np.zeros(len(side.ids), side.step.dtype)
     first[side.track[::-1]] = side.step[::-1]
     return (side.step - first[side.track]).astype(np.float64)
 
 
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
-    """Return whether all columns are in the ranges of a region, ends included; blank if one is."""
+    """Return whether all columns are in the ranges of a region, ends included; blank if unknown."""
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
         values = _column(side, name)
@@ -517,25 +518,26 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
-"""Costs of each row of truth and estimate, in units of c^p, and counts: localisation, misses
-and switches of truths, false targets of estimates."""
+"""Costs of each row of truth and estimate, in units of c^p, and counts.
+
+Rows of the truth have localisation, misses and switches; rows of the estimate, false targets."""
 
 
 def slice_members(
     fitted: AlignedPair, requested: Sequence[SliceBy], cutoff: float
 ) -> dict[str, Members]:
-    """Return the slices of each row of two sides; they are known before a solution.
+    """Return the slices of each row of two sides, which do not depend on a solution.
 
     Raises
     ------
     ConfigError
-        There is no such attribute, or its values do not fit.
+        An attribute does not exist, or its values do not fit.
     """
     return {by.text: _members(by, fitted, cutoff) for by in requested}
 
 
 def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
-    """Return the costs of a result of these two sides."""
+    """Return the costs of a result of the sides to which these slices belong."""
     costs = row_costs(result.proof)
     unique = is_unique(result.proof, result.gap, everywhere=True)
     return tuple(
@@ -547,12 +549,12 @@ def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slici
 def slices_of(
     result: PairEvaluation | EvaluationByClass, texts: Sequence[str], *, summed: bool = False
 ) -> tuple[Slicing, ...]:
-    """Split a result by texts; `summed`: to be added to those of others.
+    """Split a result by texts; `summed` means that slices are added to those of other results.
 
     Raises
     ------
     ConfigError
-        As of `slice_members`, or the result was not made by `evaluate`.
+        The attributes do not fit (see `slice_members`), or the result was not made by `evaluate`.
     """
     if isinstance(result, EvaluationByClass):
         parts = [slices_of(part, texts, summed=True) for part in result.results.values()]
@@ -572,7 +574,7 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     for attribute in by.attributes:
         if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
-        else:  # reports have the speeds and neighbours
+        else:  # the reports have speeds and neighbours
             at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
             values = first, None if second is None else second[reports.row]
@@ -586,7 +588,7 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
 
 
 def row_costs(proof: PairProof) -> RowCosts:
-    """Return the cost of an assignment, row by row; errors of assigned states as in the summary."""
+    """Return the cost of an assignment by row, and errors of assigned states as in the summary."""
     states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
     truths, estimates = problem.sides
@@ -626,7 +628,7 @@ def row_costs(proof: PairProof) -> RowCosts:
 
 
 def _evaluated_rows(truths: Objects) -> Floats:
-    """Return 1 for each row that is judged."""
+    """Return 1 for each evaluated row, and 0 for any other row."""
     weights = np.ones(len(truths.step))
     if truths.unjudged is not None:
         weights[truths.unjudged] = 0.0
@@ -634,7 +636,7 @@ def _evaluated_rows(truths: Objects) -> Floats:
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """Return the row of a truth at a step; where it does not exist its next one, or its last."""
+    """Return the row of a true object at a step, or else its next row, or else its last row."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]
@@ -645,7 +647,7 @@ def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
 
 
 def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
-    """Sum all slices that have rows, or that are shown without."""
+    """Return the sums of all slices that have rows or are shown when empty."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
     for side, columns in enumerate(costs):
@@ -658,7 +660,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
                 sums[name] = sums[name] + parts if name in sums else parts
     for name in PARTS:
         sums[name] = sums[name] * scale
-    # A slice of ignored truths alone has no states that count, but may have a switch.
+    # A slice with only ignored states has no counted state, but may have a switch.
     there = whole.kept | np.logical_or.reduce([value > 0 for value in sums.values()])
     return [
         Slice(name=whole.names[k], **{name: float(value[k]) for name, value in sums.items()})
@@ -667,6 +669,6 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
 
 
 def _sum_of_parts(value: Floats, first: Ints) -> Floats:
-    """Sum contiguous parts, each in pairs: a sum of n terms is off by log2 n roundings."""
+    """Return sums of contiguous parts, each pairwise: n terms have an error of log2 n roundings."""
     bounds = first.tolist()
     return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

@@ -1,4 +1,4 @@
-"""Slices of an evaluation: ``NAME[=EDGES]``, two of them with ``*`` between."""
+"""Definitions of slices of an evaluation: ``NAME[=EDGES]``, or two of these joined by ``*``."""
 
 import math
 from collections.abc import Iterable
@@ -8,41 +8,41 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.options import parse_region
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.slices import CROSSED
-from tgospa_eval.text import option, quoted
 
 AS_WEIGHT = "weight"
-"""Word in place of edges: the attribute is a share."""
+"""Word instead of edges for an attribute that is a share."""
 
 OF_REGION = "region"
 
 DERIVED = ("range", "speed", "size", "density", "age", OF_REGION)
-"""Attributes that follow from states, and from boxes beside them."""
+"""Attributes that follow from states, or from box columns."""
 
 OF_BOXES = ("left", "top", "width", "height", "right", "bottom", "length")
-"""Columns that the size follows from, where the states have none."""
+"""Columns from which the size follows if the states are not boxes."""
 
 MAX_CROSSED = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attribute:
-    """One attribute and how its values make slices.
+    """One attribute, and the way in which its values make slices.
 
     Parameters
     ----------
     name : str
-        Of a column, or of `DERIVED`.
+        Name of a column, or one of `DERIVED`.
     origin : tuple of float
-        Of ``range``: the point from which it is measured.
+        Point from which ``range`` is measured.
     edges : tuple of float
-        Increasing: ends of ranges; infinite where nothing is outside.
+        Increasing ends of ranges; infinite ends leave nothing outside.
     values : tuple of str
-        Texts that have a slice each.
+        Texts with a slice each.
     weight : bool
-        Values are shares from 0 to 1.
+        Whether values are shares from 0 to 1.
     ranges : mapping of str to pair of float
-        Of ``region``: inside these ranges of columns, or outside.
+        Ranges of columns that define the inside of ``region``.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Attribute:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns that its values may come from."""
+        """Columns from which its values may come."""
         if self.ranges:
             return tuple(name for name, _, _ in self.ranges)
         if self.name == "size":
@@ -64,16 +64,16 @@ class Attribute:
 
 @dataclass(frozen=True, kw_only=True)
 class SliceBy:
-    """One attribute, or two that are crossed.
+    """One attribute, or two crossed attributes.
 
     Parameters
     ----------
     text : str
-        The attributes, as requested.
+        Attributes as requested.
     attributes : tuple of Attribute
         One or two.
     summed : bool
-        Whether slices are added to those of other evaluations: then ranges must be given.
+        Whether slices are added to those of other evaluations, so that ranges must be given.
     """
 
     text: str
@@ -82,12 +82,12 @@ class SliceBy:
 
 
 def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[SliceBy, ...]:
-    """Parse the texts of slices; `summed` as of `SliceBy`.
+    """Parse the texts of slices; `summed` is that of `SliceBy`.
 
     Raises
     ------
     ConfigError
-        One cannot be understood, or is given twice.
+        A text cannot be understood, or is a duplicate.
     """
     slices_by_text: dict[str, SliceBy] = {}
     several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts
@@ -108,13 +108,13 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
 
 
 def requested_columns(slices: Iterable[SliceBy]) -> tuple[str, ...]:
-    """Return columns that readers should look for."""
+    """Return the columns that readers must look for."""
     names = (name for by in slices for part in by.attributes for name in part.columns)
     return tuple(dict.fromkeys(names))
 
 
 def _attribute(part: str, text: str) -> Attribute:
-    """Return one attribute; `text` is the whole that was given, for messages."""
+    """Return one attribute; `text` is the whole given text, for messages."""
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(

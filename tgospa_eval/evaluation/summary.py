@@ -1,8 +1,8 @@
-"""The numbers that people know first, of the assignment that is proven (docs/reference/summary.md).
+"""Common tracking numbers of the proven assignment (docs/reference/summary.md).
 
-Detection rate, errors, objects that are followed, breaks, false tracks, cardinality, SIAP. A pair
-counts by its weight, which is 1 but for mixed assignments; an object is followed at a step where
-the weights of its pairs sum to one half or more.
+They are detection rate, errors, followed objects, breaks, false tracks, cardinality and SIAP. A
+pair counts by its weight, which is 1 except in mixed assignments. An object is followed at a step
+if the weights of its pairs sum to one half or more.
 """
 
 import math
@@ -32,24 +32,24 @@ HALF = 0.5 - 1e-9
 """Weight from which an object is followed."""
 
 ALIKE = 1e-6
-"""Relative difference up to which two spans of time are equal."""
+"""Relative difference up to which two spans of time count as equal."""
 
 VELOCITY = ("vx", "vy", "vz")
 
 PAIRS_TOGETHER = 1 << 16
-"""Pairs whose states are looked at together."""
+"""Number of pairs whose states are processed together."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideRows:
-    """States of a side that are judged, by track and time.
+    """Evaluated states of a side, by track and time.
 
     Parameters
     ----------
     track, step : (R,) int arrays
-        Whose, and when.
+        Track and step of each state.
     tracks : int
-        How many tracks there are, those without a row included.
+        Number of tracks, including tracks without a row.
     """
 
     track: Ints
@@ -72,7 +72,7 @@ class SideRows:
 
     @classmethod
     def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
-        """Return tracks of all, numbered on, and how many rows come before those of each."""
+        """Return the joined tracks, renumbered, and the number of rows before each part."""
         tracks, sizes = (
             np.cumsum([0, *counts])
             for counts in ([one.tracks for one in several], [len(one.track) for one in several])
@@ -85,22 +85,22 @@ class SideRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Evaluations on the same steps as the summary reads them.
+    """Evaluations on the same steps, in the form that the summary reads.
 
     Parameters
     ----------
     truth, estimate : SideRows
         States of either side.
     timestamps : (T,) float array
-        Times of the steps since the first, in the unit of the stamps, of dates in seconds.
+        Times of the steps since the first, in the unit of the timestamps, or seconds for dates.
     at, to : (N,) int arrays
         Rows of truth and estimate of each assigned pair, by truth and time.
     weight, error : (N,) float arrays
-        How much of the pair is assigned, and the base distance.
+        Assigned weight and base distance of each pair.
     axes : Axes
-        Of the states.
+        Axes of the states.
     sums : dict of str to float or array
-        Sums over the pairs, as of `Axes.sums`.
+        Sums over the pairs (see `Axes.sums`).
     """
 
     truth: SideRows
@@ -116,7 +116,7 @@ class Tracked:
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # extreme states overflow
     def of(cls, proof: PairProof) -> "Tracked":
-        """Read one evaluation."""
+        """Return one evaluation in the form that the summary reads."""
         compared, problem, order = proof.compared, proof.states.problem, proof.parameters.order
         evaluated: Sequence[Mask | slice] = (slice(None), slice(None))
         if problem.unjudged is not None:
@@ -154,7 +154,7 @@ class Tracked:
 
     @classmethod
     def joined(cls, several: "Sequence[Tracked]") -> "Tracked":
-        """Return several evaluations on the same steps as one; tracks are numbered on."""
+        """Return several evaluations on the same steps as one, with renumbered tracks."""
         truth, before_truth = SideRows.joined([one.truth for one in several])
         estimate, before_estimate = SideRows.joined([one.estimate for one in several])
         at = [one.at + k for one, k in zip(several, before_truth, strict=True)]
@@ -174,7 +174,7 @@ class Tracked:
 
 
 class Axes:
-    """The axes of states: those of the place first, on the Earth east and north in metres."""
+    """Axes of states, those of the position first; on the Earth east and north in metres."""
 
     def __init__(self, compared: ComparedSides) -> None:
         columns = compared.columns
@@ -196,12 +196,12 @@ class Axes:
         self.periods = [periods.get(name, np.inf) for name in names] if periods else None
 
     def between(self, first: Floats, second: Floats) -> Floats:
-        """Return the difference of second and first states (N, d), by axis, (N, q)."""
+        """Return second minus first states (N, d) by axis, (N, q)."""
         difference = shortest_differences((second - first)[:, self.chosen], self.periods)
-        if self.is_box:  # the place of a box is its centre
+        if self.is_box:  # the position of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
         if self.on_earth:
-            from tgospa_eval.distances.sphere import RADIUS  # lazy: most states are others
+            from tgospa_eval.distances.sphere import RADIUS  # lazy: rarely needed
 
             latitude = 0.5 * (first + second)[:, self.chosen[1]]
             difference[:, :2] *= np.radians(RADIUS)
@@ -216,7 +216,7 @@ class Axes:
         timestamps: Floats,
         pairs: tuple[Ints, Ints, Floats],
     ) -> Sums:
-        """Sum over assigned pairs, some at a time: their states are not in memory together.
+        """Return sums over assigned pairs; only the states of some pairs are in memory at a time.
 
         Parameters
         ----------
@@ -225,11 +225,11 @@ class Axes:
         sides : pair of SideRows
             Truth and estimate.
         rows : pair of (R,) int arrays
-            Where the rows of these are among the states.
+            Indices of the rows of each side among the states.
         timestamps : (T,) float array
             Times of the steps.
         pairs : tuple of (N,) arrays
-            Rows of truth and estimate of each, by truth and time, and its weight.
+            Rows of truth and estimate of each pair, by truth and time, and its weight.
         """
         at, to, weight = pairs
         truth, places = sides[0], self.places
@@ -277,9 +277,9 @@ class Axes:
     def _velocity(
         self, states: Floats, rows: Ints, truth: SideRows, timestamps: Floats, at: Ints
     ) -> Floats:
-        """Return velocities of some rows of the truth (N, k), NaN where they are not known.
+        """Return velocities of some rows of the truth (N, k), NaN where they are unknown.
 
-        Those of the states, or else from the neighbours in time.
+        They come from the states, or else from neighbouring rows in time.
         """
         if not self.on_earth and len(self.speeds) == self.places:
             return states[rows[at]][:, self.speeds]
@@ -362,9 +362,10 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stretches:
-    """Followed stretches of the truths: interruptions, longest, delay of each, and all breaks.
+    """Followed stretches of the true objects: interruptions, longest stretch, delay, and breaks.
 
-    `time` is that of all followed states up to the next one of their truth.
+    `breaks` counts those of all objects. `time` is the sum over all followed states of the time to
+    the next state of the same object.
     """
 
     fragments: Ints
@@ -375,13 +376,13 @@ class _Stretches:
 
 
 def _stretches(tracked: Tracked) -> _Stretches:
-    """Follow each truth by the estimate with the largest weight."""
+    """Return followed stretches; each object has the estimate with the largest weight."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
     time = tracked.timestamps[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
     who = np.full(size, -1)
     last = slice(None) if (np.diff(at) > 0).all() else np.lexsort((tracked.weight, at))
-    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last one of a row is kept
+    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last value of a row is kept
     goes_on = np.zeros(size, bool)
     goes_on[1:] = is_followed[1:] & is_followed[:-1] & ~truth.first[1:]
     begins = is_followed & ~goes_on
@@ -390,7 +391,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
     run = np.cumsum(begins)[is_followed] - 1
     np.maximum.at(longest, truth.track[begins], np.bincount(run, minlength=int(begins.sum())))
     delay = np.full(truth.tracks, np.nan)
-    first = np.flatnonzero(begins)[::-1]  # the earliest is written last, so it is kept
+    first = np.flatnonzero(begins)[::-1]  # the earliest value is written last, so it is kept
     delay[truth.track[first]] = time[first]
     start = np.zeros(truth.tracks)
     start[truth.track[truth.first]] = time[truth.first]
@@ -409,7 +410,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
 
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of tracks, and sums of the weights of each; pairs are by truth and time."""
+    """Return distinct pairs of tracks, and sums of their weights, by truth and time."""
     for _ in range(2):  # neighbours are compared first, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
@@ -420,11 +421,11 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
 
 
 def _errors(tracked: Tracked) -> Json:
-    """Return errors of assigned states: of the base distance, by axis, along and across the track.
+    """Return errors of assigned states: base distance, by axis, along and across the track.
 
-    An estimate that is late by L is L v behind a truth of velocity v: the latency is the L that
-    makes the sum of squares of ``e + L v`` least, and its gain the share of the sum of squares of
-    the errors e that goes by it.
+    An estimate with latency L is L v behind a true object of velocity v. The latency is the L that
+    minimises the sum of squares of ``e + L v``. Its gain is the share of the sum of squares of the
+    errors e that this L removes.
     """
     weight, error, sums = tracked.weight, tracked.error, tracked.sums
     total = float(weight.sum())
@@ -462,7 +463,7 @@ def _errors(tracked: Tracked) -> Json:
 
 
 def _smoothness(sums: Sums) -> Json | None:
-    """Return root mean squares of second differences of both sides; None if there are none."""
+    """Return root mean squares of second differences of both sides, or None without any."""
     if not sums["bent"]:
         return None
     estimate, truth = np.sqrt(sums["bends"] / sums["bent"]).tolist()
@@ -472,8 +473,8 @@ def _smoothness(sums: Sums) -> Json | None:
 def _siap(tracked: Tracked) -> Json:
     """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
-    An association is a stretch of states of a truth at which one estimate is assigned to it; the
-    longest segment is the time of all of one estimate, as Stone Soup counts it.
+    An association is a stretch of states of a true object with one estimate assigned to it. The
+    longest segment is the total time of one estimate, as Stone Soup counts it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]
@@ -512,7 +513,7 @@ def _siap(tracked: Tracked) -> Json:
 
 
 def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
-    """Count the associations, from row to row, that follow each truth as far as they go."""
+    """Count the associations, from row to row, needed to follow each true object."""
     order = np.lexsort((end, begin))
     begin, end = begin[order], end[order]
     furthest = np.maximum.accumulate(end) if len(end) else end
@@ -524,7 +525,7 @@ def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
         row = covered + 1 if best > covered else max(covered + 1, spans[k][0])
         while k < len(spans) and spans[k][0] <= row:
             best, k = max(best, spans[k][1]), k + 1
-        if best > covered:  # the one that goes on longest from here
+        if best > covered:  # the association that continues longest from here
             needed[truth.track[row]] += 1
             covered = best
     return needed

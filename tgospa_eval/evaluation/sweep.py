@@ -1,8 +1,8 @@
-"""TGOSPA over a range of one parameter, to see whether a conclusion is an artefact of its value.
+"""TGOSPA over a range of one parameter, to see whether a conclusion depends on its value.
 
 Near pairs are searched once, for the largest cutoff. The ends of the range are solved first, then
-the middle between two solved values, and so on: each starts from its neighbours on either side
-(`solvers.warm_start`), and is proven by itself.
+the middle between two solved values, and so on. Each point starts from its neighbours on either
+side (`solvers.warm_start`), and has its own proof.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,18 +22,17 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States, merge_runs
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.sweep import Point, SweepEvaluation
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
-from tgospa_eval.text import option
 
 CONCAVE = ("cutoff", "switch_penalty")
-"""Parameters along which prices between those of two neighbours are good for something."""
+"""Parameters along which interpolated prices of two neighbours are a useful start."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""Work that takes no longer than reading the neighbours: half sweeps, were all states in each of
-them, and iterations."""
+"""Half sweeps over all states, and iterations, up to which reading the neighbours saves no time."""
 
 
 def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:
@@ -42,10 +41,10 @@ def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tupl
     Raises
     ------
     ConfigError
-        There is no value, one is repeated, or one is out of its range.
+        There is no value, a value is a duplicate, or a value is out of its range.
     """
     if not values:
-        raise ConfigError(f"no value of the {name.replace('_', ' ')}: name one at least")
+        raise ConfigError(f"no value of the {name.replace('_', ' ')}: name at least one")
     parameters = [Parameters(**{**rest, name: value}) for value in values]
     ordered = tuple(sorted(parameters, key=lambda made: _value(made, name)))
     for a, b in pairwise(ordered):
@@ -57,7 +56,7 @@ def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tupl
 def _check_steps(
     sides: AlignedPair, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
 ) -> None:
-    """Check that all points have the same steps: near pairs end an outage of the estimate."""
+    """Check that all points have the same steps, because near pairs end outages of the estimate."""
     matching = request.time_matching
     if parameter != "cutoff" or not matching.of_estimate:
         return
@@ -81,25 +80,25 @@ def sweep_fitted(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> SweepEvaluation:
-    """Evaluate each point, with everything resolved.
+    """Evaluate each point of a resolved request.
 
     Parameters
     ----------
     sides : AlignedPair
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
-        Everything but the parameters.
+        Request without the parameters.
     parameter : str
-        Name of the one that is swept.
+        Name of the swept parameter.
     parameters : sequence of Parameters
-        Of each point, by value, as from `in_order`.
+        Parameters of each point, by value, as returned by `in_order`.
     files, stopwatch
-        As for `api.evaluate.evaluate_pair`.
+        Arguments of `api.evaluate.evaluate_pair`.
 
     Raises
     ------
     ConfigError
-        Which steps count differs from one cutoff to another.
+        The steps that count depend on the cutoff.
     """
     _check_steps(sides, request, parameter, parameters)
     widest = max(point.cutoff for point in parameters)
@@ -120,7 +119,7 @@ def sweep_fitted(
 
 
 class _Line:
-    """The points on their way: ends first, then middles between what is solved."""
+    """Points in the order of solution: first the ends, then middles between solved points."""
 
     def __init__(
         self,
@@ -152,7 +151,7 @@ class _Line:
     def _solve(
         self, k: int, neighbours: tuple[int, ...], saved: list[SavedSolution | None]
     ) -> tuple[Point, SavedSolution | None]:
-        """Return a point, and its solution for points beside it."""
+        """Return a point, and its solution for neighbouring points if that is useful."""
         parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
@@ -187,9 +186,9 @@ class _Line:
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
-        """Return the states of a point; switch penalties and rho change nothing but prices.
+        """Return the states of a point; switch penalties and rho change only prices.
 
-        Where states are not judged, rho changes which pairs gain.
+        With states that are not evaluated, rho also changes which pairs gain.
         """
         problem = self.measured.problem(self.near, parameters)
         unchanged = self.name == "switch_penalty" or (
@@ -202,7 +201,7 @@ class _Line:
 
 
 def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """Yield numbers of points, and the two solved before that enclose them, ends first."""
+    """Yield numbers of points, ends first, and the two solved points around each."""
     yield 0, ()
     if count > 1:
         yield count - 1, ()
@@ -216,9 +215,9 @@ def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
 
 
 def _shares(low: Parameters, here: Parameters, high: Parameters, name: str) -> tuple[float, float]:
-    """Return the shares of its two neighbours' prices for a point, all in units of their c^p.
+    """Return the shares of two neighbours' prices for a point, each in units of its own c^p.
 
-    The chord is straight in c^p, or in gamma^p, of prices in state units.
+    Prices in state units are interpolated linearly in c^p, or in gamma^p.
     """
     if name == "cutoff":
         a, b = ((side.cutoff / here.cutoff) ** here.order for side in (low, high))

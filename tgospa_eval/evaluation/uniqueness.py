@@ -1,13 +1,13 @@
-"""Proof by the prices of a result that no other assignment of near pairs is as good.
+"""Proof by the prices of a result that its assignment of near pairs is the only best one.
 
-At best prices v every best assignment is a mixture of paths that are best for their rows, and fills
-every slot with v > 0 (complementary slackness). Rows that compete for an estimate are indifferent
-at the best prices, so that is not enough to see what each does; but what is certain of one row
-decides others: a slot that it fills is closed to them, and a priced slot that a single state can
-still fill is filled by it (docs/how-to/gradient.md).
+At best prices v, every best assignment is a mixture of paths that are best for their rows, and
+fills every slot with v > 0 (complementary slackness). Rows that compete for an estimate are
+indifferent at the best prices, so this alone does not decide the path of each row. But a certain
+state of one row decides others. A slot that it fills is closed to them. A priced slot with a single
+remaining state is filled by this state (docs/how-to/gradient.md).
 
-What is assigned at steps without gain, as between two tracks while neither exists, is often free.
-It changes no part of the cost, and is asked about for the steps of switches alone.
+Assignments at steps without gain, as between two tracks while neither exists, are often free. They
+change no part of the cost, and are tested only at the steps of switches.
 """
 
 import itertools
@@ -21,14 +21,15 @@ from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
-"""Margin in units of c^p: a path that is worse by less may be as good, but for rounding."""
+"""Margin in units of c^p: a path worse by less than it may be as good, because of rounding."""
 
 SHARE = 100.0
-"""Multiple of the gap: a part that costs more is at most once in any best assignment: weights
-of vertices are multiples of 1/2 to 1/18."""
+"""Multiple of the gap, for the largest loss of a path in any best assignment.
+
+Paths with larger losses have weight 0, because weights of vertices are multiples of 1/2 to 1/18."""
 
 ROUNDS = 50
-"""Rounds of conclusions; each takes as long as two searches for best paths."""
+"""Largest number of rounds of conclusions; each takes as long as two searches for best paths."""
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
@@ -39,9 +40,9 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     proof : PairProof
         Assignment and prices.
     gap : float
-        What counts as exact.
+        Relative gap that counts as exact.
     everywhere : bool
-        Whether steps without gain are asked about as well: they decide when a switch is booked.
+        Whether steps without gain are tested too; they decide at which step a switch is counted.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
@@ -65,16 +66,16 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
 
 
 class _Rows:
-    """Candidates for the best paths of the rows; fewer with each conclusion.
+    """Candidates for the best paths of the rows, which each conclusion reduces.
 
     Parameters
     ----------
     states : States
         The problem.
     prices : (K,) float array
-        Of its column slots.
+        Prices of the column slots.
     reach : float
-        Paths that are worse by no more count as best ones.
+        Largest loss with which a path counts as a best one.
     """
 
     def __init__(self, states: States, prices: Floats, reach: float) -> None:
@@ -84,14 +85,14 @@ class _Rows:
         self.priced = prices > reach
         self.row = states.pair_row[states.pair]
         single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-        # Rows with a single pair have no slots, so nothing beside the pair is their own.
+        # Rows with a single pair have no slots, so the pair has no neighbours of the same row.
         self.is_single = np.repeat(single, np.diff(states.pair_first))
         self.near, self.needed = _marks(states, self.value, prices, reach)
         self.certain = np.zeros(len(states.begin), bool)
         self.closed = np.zeros(len(states.begin), bool)
 
     def open(self, used: Mask, *, everywhere: bool) -> Mask:
-        """Return rows whose best paths are not known, of near pairs or everywhere, (nodes,)."""
+        """Return rows without known best paths, for near pairs or everywhere, (nodes,)."""
         unsure = (self.near != used) | (self.near & ~self.certain)
         if not everywhere:
             unsure &= self.states.entry >= 0
@@ -100,7 +101,7 @@ class _Rows:
         return rows
 
     def draw_conclusions(self) -> bool:
-        """Close what is beside certain states, and fill priced slots; whether that is possible."""
+        """Close rivals of certain states, and fill priced slots; return whether both succeed."""
         columns, rows = self.states.columns, self.states.rows
         while True:
             at = np.where(self.is_single, 0, rows.begin)
@@ -114,12 +115,12 @@ class _Rows:
             for slots in (columns, rows):
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
-                    return False  # by rounding the prices are not optimal
+                    return False  # rounded prices are not optimal
                 self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
     def survey(self, wanted: Mask) -> bool:
-        """Look for the best paths of some rows (nodes,) anew; whether fewer are left."""
+        """Search the best paths of some rows (nodes,) again; return whether fewer remain."""
         part, own = self.states.of_pairs(np.flatnonzero(wanted[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
@@ -131,11 +132,11 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """Return states on paths that are best within reach; and those at which "none" is on none."""
+    """Return states on paths that are best within reach, and states that no such path avoids."""
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach
-    from tgospa_eval.solvers.dual_ascent import Ascent  # lazy: as the solvers are
+    from tgospa_eval.solvers.dual_ascent import Ascent  # lazy: like the solvers
 
     blocks = np.ones(len(states.block_begin), bool)
     ascent = Ascent(
@@ -146,23 +147,23 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """Return how much better the best path of a row is than the best one with restrictions.
+    """Return the loss of the best path of each row under a restriction, against its best path.
 
-    Viterbi forward and backward in time, as `problem.paths.best_values` does it.
+    Uses Viterbi forward and backward in time, like `problem.paths.best_values`.
 
     Parameters
     ----------
     states : States
-        Rows, whole.
+        Complete rows.
     value : (S,) float array
-        Gains less prices; minus infinity closes a state.
+        Gains minus prices; minus infinity closes a state.
 
     Returns
     -------
     through : (S,) float array
-        Loss of going through each state.
+        Loss of a path through each state.
     without : (S,) float array
-        Loss of being in "none" when it begins.
+        Loss of a path that is in "none" when the state begins.
     """
     bounds, order, pair_of, row_of = turns(states)
     price = states.problem.switch_price_at[states.begin[order]]

@@ -37,12 +37,12 @@ from tgospa_eval.explain.candidates import (
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.certificate import ROUNDOFF, certify, lower_bounds, lower_cost
 from tgospa_eval.problem.solution import Bounds
+from tgospa_eval.quoting import option
 from tgospa_eval.results.explanation import Explanation, Repair
 from tgospa_eval.results.records import Columns, PairProof, outward
 from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories

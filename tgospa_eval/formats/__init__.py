@@ -1,7 +1,7 @@
-"""FILES and objects -> Trajectories: readers by name, how to read, and what was read.
+"""Conversion of files and objects to Trajectories: readers by name, options, and readings.
 
-The public names are imported when they are used: the command line needs the names of formats
-alone.
+The public names are imported when they are used, as the command line needs only the names of the
+formats.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,8 @@
 """Arrays by step and track, NaN where an object is absent: npy, npz and MAT files, and in memory.
 
-States ``x``, their covariances ``P``, particles and their weights, times and ids. Each axis has a
-letter: T steps, n tracks, d coordinates, N particles; ``Tnd`` is an array (T, n, d).
+Variables are states ``x``, their covariances ``P``, particles and their weights, times and ids.
+Each axis has a letter: T steps, n tracks, d coordinates, N particles. ``Tnd`` has the axes
+(T, n, d).
 """
 
 import io
@@ -23,13 +24,13 @@ from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
 
 LARGEST_ARRAY = 2**63
-"""Bytes that NumPy does not number, those of axes beside one of size 0 included."""
+"""Number of bytes that NumPy cannot count; an axis of size 0 counts as one of size 1."""
 
 NAMES = {
     "x": ("x", "xState", "states"),
@@ -40,7 +41,7 @@ NAMES = {
     "id": ("id", "ids"),
     "columns": ("columns",),
 }
-"""Names of variables, the usual one first."""
+"""Names of the variables of each kind, the usual name first."""
 
 NUMPY = {"x": ("Tnd",), "P": ("Tndd",), "particles": ("TnNd",), "weights": ("TnN",)}
 MATLAB = {
@@ -49,10 +50,10 @@ MATLAB = {
     "particles": ("dNTn", "dNnT", "TnNd"),
     "weights": ("NTn", "NnT", "TnN"),
 }
-"""Axes of variables whose names do not say them, as x_dTn does."""
+"""Possible axes of variables; a name such as x_dTn has its axes in it."""
 
 STATE_NAMES = {"x", "lat", "left"}
-"""Columns by which states are found, as in tables."""
+"""Columns by which states are recognised, as in tables."""
 
 Array: TypeAlias = NDArray[np.generic]
 Variables: TypeAlias = Mapping[str, Array]
@@ -71,7 +72,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     Raises
     ------
     InputError
-        The file is no npy, or its array has not three axes; or see `formats.read`.
+        The file is not npy, its array does not have three axes, or an error of `formats.read`.
     """
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has shape (T, 0, d)")
@@ -85,7 +86,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _array(path: str, data: bytes) -> Array:
-    """Return the array of an npy file, which has as many bytes as its header says."""
+    """Return the array of an npy file, after a check of its size against the header."""
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
@@ -93,7 +94,7 @@ def _array(path: str, data: bytes) -> Array:
         if version == (1, 0):
             read = np.lib.format.read_array_header_1_0
         shape, in_columns, kind = read(stream)
-    except Exception as error:  # damage may raise anything: a header is parsed as Python
+    except Exception as error:  # a damaged header may raise any error: it is parsed as Python
         raise unreadable(path, "npy", error) from None
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
@@ -102,12 +103,12 @@ def _array(path: str, data: bytes) -> Array:
     try:
         values = np.frombuffer(data, kind, offset=stream.tell())
         return values.reshape(shape, order="F" if in_columns else "C")
-    except ValueError as error:  # the type has no bytes, or an axis of size 0 allows any other
+    except ValueError as error:  # types without bytes, or huge axes next to one of size 0
         raise unreadable(path, "npy", error) from None
 
 
 def kind_of(name: str) -> tuple[str, str]:
-    """Return the kind of a variable, a key of `NAMES`, and the axes in its name; blank if none."""
+    """Return the kind of a variable, a key of `NAMES`, and the axes in its name, or blanks."""
     base, _, axes = name.rpartition("_")
     for kind, names in NAMES.items():
         if name in names:
@@ -118,12 +119,12 @@ def kind_of(name: str) -> tuple[str, str]:
 
 
 def has_states(names: Mapping[str, Any]) -> bool:
-    """Return whether one of these names is that of states or particles."""
+    """Return whether one of these names is a name of states or particles."""
     return any(kind_of(name)[0] in ("x", "particles") for name in names)
 
 
 def sized(name: str, shape: tuple[int, ...]) -> str:
-    """Return a variable and its size, for messages."""
+    """Return the name of a variable and its size, for messages."""
     return f"{name} {' x '.join(map(str, shape))}".rstrip()
 
 
@@ -138,31 +139,32 @@ def array_rows(
     names: tuple[str, ...] | None = None,
     chosen: Sequence[int] | None = None,
 ) -> Rows:
-    """Return the rows of states or particles, with what is beside them.
+    """Return the rows of states or particles, with their covariances, weights, times and ids.
 
     Parameters
     ----------
     path : str
-        What messages begin with.
+        Beginning of messages.
     arrays : mapping of str to array
-        Variables by name: see `NAMES`. Without a name of states, the only one of three axes.
+        Variables by name, see `NAMES`. Without a name of states or particles, the only array with
+        three axes has the states.
     options : ReadOptions
-        How to read them.
+        Options of reading.
     file : int, optional
-        Bytes of the file, if it is one.
+        Size of the file in bytes, if the arrays are from a file.
     axes : mapping of str to tuple of str
-        Axes that each may have; the first step and track of `MATLAB` is 1.
+        Possible axes of each kind of variable; with `MATLAB` steps and tracks count from 1.
     there : (T, n) bool array, optional
-        Which states there are; by default those without NaN.
+        True where a state exists; by default where it has no NaN.
     names : tuple of str, optional
-        Of the d coordinates, where there are so many.
+        Names of the d coordinates; ignored if their number is not d.
     chosen : sequence of int, optional
-        Coordinates to compare, by number.
+        Numbers of the coordinates to compare.
 
     Raises
     ------
     InputError
-        Sizes do not fit each other, or fit in several ways; or see `formats.read`.
+        Sizes do not fit each other, or fit in several ways; or an error of `formats.read`.
     """
     import pandas as pd  # lazy: other formats do without
 
@@ -179,14 +181,14 @@ def array_rows(
     if not size:
         raise InputError(f"{path}: {labels[what]}: no coordinates")
     first = int(axes is MATLAB)
-    if there is None:  # beside an axis of size 0 the others may be huge
+    if there is None:  # next to an axis of size 0 the others may be huge
         there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
         about = " and ".join(labels[kind] for kind in tables)
         width = size + (size * size + 2 if "P" in tables else 2)
-        count = max(len(step) * each, 1)  # an empty array still has column names
+        count = max(len(step) * each, 1)  # an empty array also has column names
         check_memory(path, TABLE * 8 * count * width, file, options.max_input, about)
     names = _columns(path, kinds, size, options, names)
     table: dict[str, Any] = {}
@@ -205,7 +207,7 @@ def array_rows(
         table |= spread_columns(names, tables["P"][at])
     warnings: tuple[Notice, ...] = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        options = replace(options, columns=names)  # the names are unknown, but these are the states
+        options = replace(options, columns=names)  # names are unknown, but all columns are states
         if "columns" not in kinds and chosen is None:
             warnings = (all_compared(names),)
     roles = find_roles(list(table), options, path)
@@ -242,7 +244,7 @@ def _columns(
 
 
 def _weights(points: Floats, given: Floats | None) -> Any:
-    """Return the weights of particles (R, N, d) in a row; equal ones by default."""
+    """Return the weights of particles (R, N, d) as a flat array; by default equal weights."""
     if given is None:
         there = ~np.isnan(points).any(axis=2)
         given = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
@@ -267,7 +269,7 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
     Raises
     ------
     ConfigError
-        They are not there.
+        The states do not have these components, or one is a duplicate.
     """
     numbers = list(range(size) if chosen is None else chosen)
     if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(range(size)):
@@ -279,7 +281,7 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
 
 
 def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
-    """Return matrices (R, d, d) as the columns of a table, as `formats.spread` reads them."""
+    """Return matrices (R, d, d) as columns of a table that `formats.spread` can read."""
     return {
         f"cov_{one}_{other}": matrices[:, i, j]
         for i, one in enumerate(names)
@@ -288,7 +290,7 @@ def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
 
 
 def all_compared(names: tuple[str, ...]) -> Notice:
-    """Return a warning that no columns were chosen and velocities may be compared as well."""
+    """Return the warning that all components are compared, and some may be velocities."""
     return Notice(
         code="all-components",
         text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
@@ -298,7 +300,7 @@ def all_compared(names: tuple[str, ...]) -> Notice:
 
 
 def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]], list[str]]:
-    """Sort the variables by kind, each with its name, and list those not used with their sizes."""
+    """Return the variables by kind, each with its name, and the unused ones with their sizes."""
     kinds: dict[str, tuple[str, Array]] = {}
     unused = []
     for name, array in arrays.items():
@@ -332,12 +334,12 @@ def _oriented(
     known: dict[str, int],
     axes: Mapping[str, tuple[str, ...]],
 ) -> dict[str, Floats]:
-    """Orient the arrays as `NUMPY` has them, by the sizes of all together.
+    """Return the arrays with the axes of `NUMPY`, which follow from the sizes of all arrays.
 
     Raises
     ------
     InputError
-        No axes fit, or several do and make a difference.
+        No order of axes fits, or several fit and give different arrays.
     """
     ways = {kind: kind_of(name)[1] for kind, (name, _) in kinds.items()}
     allowed = {kind: (way,) if way else axes[kind] for kind, way in ways.items()}
@@ -378,7 +380,10 @@ def _oriented(
 
 
 def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
-    """Return whether an array has these axes; note their sizes. Last axes of 1 may be missing."""
+    """Return whether an array has these axes, and add their sizes to `sizes`.
+
+    With `drop`, last axes of size 1 may be missing.
+    """
     if drop:
         shape += (1,) * (len(way) - len(shape))
     return len(shape) == len(way) and all(
@@ -401,7 +406,7 @@ def _spelt(way: str) -> str:
 
 
 def _whole(times: Array) -> Array:
-    """Convert doubles that are whole numbers to integers: MATLAB has only doubles."""
+    """Convert doubles that are whole numbers to integers, as MATLAB has only doubles."""
     if times.dtype.kind == "f" and (np.abs(times) < 2**53).all() and (times % 1 == 0).all():
         return times.astype(np.int64)
     return times
@@ -410,14 +415,14 @@ def _whole(times: Array) -> Array:
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """Read the rows of an npz file, the same in either role.
 
-    Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
-    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or arrays
-    by step and track.
+    The file has arrays ``id, t, weight, x, y, ...`` of one length, like the columns of a CSV file.
+    ``x`` may also be an array (P, d), whose columns are named x, y, z, or x0, x1, ... if there are
+    more. Or the file has arrays by step and track.
 
     Raises
     ------
     InputError
-        The file is no npz, or see `formats.read`. Rows count from 0.
+        The file is not npz, or an error of `formats.read`, in which rows count from 0.
     """
     import pandas as pd
 
@@ -464,7 +469,7 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _unpacked(data: bytes) -> int:
-    """Return the size of the unpacked arrays by the directory of the archive; 0 without one."""
+    """Return the size of the unpacked arrays from the directory of the archive; 0 if unreadable."""
     import zipfile  # lazy: slow to import
 
     try:

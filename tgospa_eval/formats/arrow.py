@@ -1,4 +1,4 @@
-"""Tables of Arrow, of Parquet and Feather files, with the columns of the CSV files."""
+"""Tables of Arrow, from Parquet and Feather files, with the columns of CSV files."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from tgospa_eval.formats.loading import TABLE, check_memory, check_parquet, unre
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -26,25 +26,25 @@ def arrow_rows(
     options: ReadOptions,
     where: Callable[[int], str] | None = None,
 ) -> Rows:
-    """Read the columns in use of a table as rows.
+    """Read the rows of a table; columns that are not used are not read.
 
     Parameters
     ----------
     path, kind : str
-        The file and its kind, for messages.
+        Path and kind of the file, for messages.
     schema : pyarrow.Schema
-        All columns.
+        Schema of all columns.
     read : callable
-        The table with the columns of these names, in order.
+        Callable that receives names of columns and returns the table of these columns, in order.
     options : ReadOptions
-        How.
+        Options of reading.
     where : callable, optional
-        Where a row is, of a table with rows of several files; by default in this one.
+        Callable that returns the file and number of a row, if the table has rows of several files.
 
     Raises
     ------
     InputError
-        The content is damaged, or see `formats.read`. Rows count from 0.
+        The content is damaged, or an error of `formats.read`, in which rows count from 0.
     """
     from tgospa_eval.formats.frames import frame_rows  # lazy: pandas takes 50 MB
 
@@ -60,7 +60,7 @@ def arrow_rows(
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     del table
-    # The subset lacks mapped headers that are not used, so positions differ.
+    # The subset lacks headers that are mapped but not used, so positions differ.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     subset_roles = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}
@@ -81,12 +81,12 @@ def readable(path: str, kind: str) -> Iterator[None]:
 
 
 def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
-    """Check that the columns in use have plain values.
+    """Check that the used columns have plain values.
 
     Raises
     ------
     InputError
-        One has lists, structs, maps or bytes.
+        A column has lists, structs, maps or bytes.
     """
     import pyarrow.types as kinds
 
@@ -107,12 +107,12 @@ def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
 
 
 def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
-    """Check that all dates lie in the years that Python knows.
+    """Check that all dates are in the range of Python's dates.
 
     Raises
     ------
     InputError
-        One is before the year 1 or after 9999.
+        A date is before the year 1 or after 9999.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -133,7 +133,7 @@ def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
 
 
 def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
-    """Convert integer columns with missing values to texts: pandas would make them floats."""
+    """Convert integer columns with missing values to texts, as pandas would make them floats."""
     import pyarrow as pa
 
     for name in names:
@@ -144,12 +144,12 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
 
 
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a Parquet file, the same in either role; only the columns in use are read.
+    """Read the rows of a Parquet file, the same in either role; only used columns are read.
 
     Raises
     ------
     InputError
-        The file is no Parquet, or see `formats.read`. Rows count from 0.
+        The file is not Parquet, or an error of `formats.read`, in which rows count from 0.
     ConfigError
         pyarrow is not installed.
     """
@@ -160,12 +160,12 @@ FIRST_VERSION = b"FEA1"
 
 
 def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a Feather file, the same in either role; only the columns in use are read.
+    """Read the rows of a Feather file, the same in either role; only used columns are read.
 
     Raises
     ------
     InputError
-        The file is no Feather, or see `formats.read`. Rows count from 0.
+        The file is not Feather, or an error of `formats.read`, in which rows count from 0.
     ConfigError
         pyarrow is not installed.
     """
@@ -215,12 +215,12 @@ ARGOVERSE_HEADERS = {
 
 
 def read_argoverse(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
-    """Read the rows of a Feather file; states are by default the centres (x, y).
+    """Read the rows of a Feather file of Argoverse 2; states are by default the centres (x, y).
 
     Raises
     ------
     InputError
-        As of any Feather file. Rows count from 0.
+        An error of `read_feather`.
     ConfigError
         pyarrow is not installed.
     """

@@ -1,4 +1,4 @@
-"""Rows of a file to Trajectories: what is left out, duplicates, order."""
+"""Conversion of the rows of a file to Trajectories: filters, duplicates and order."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 AIS_UNKNOWN = (91.0, 181.0)
-"""Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
+"""Latitude and longitude that ships send while their position is unknown (ITU-R M.1371)."""
 
 
 def rules_said() -> dict[str, str]:
-    """Return the message about rows that are left out, by the rule that leaves them out."""
+    """Return the message about left-out rows for each rule."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -42,25 +42,25 @@ def rules_said() -> dict[str, str]:
 
 
 def no_classes() -> str:
-    """Return the notice where classes are asked for and there are none."""
+    """Return the notice about a filter by class for a file without classes."""
     return f"no column class: {option('class_')} leaves all its rows in"
 
 
 def centres_compared() -> str:
-    """Return the notice where boxes are compared as points."""
+    """Return the notice that boxes are compared as points."""
     return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
-    """Assemble the trajectories of the rows that take part, and count the others by reason.
+    """Assemble the trajectories of the rows that take part, and count left-out rows by reason.
 
-    A row counts under the first rule that leaves it out. Steps of the file stay steps, even where
-    nothing is left, but for those outside the range of time.
+    A row counts under the first rule that leaves it out. All times of the file within the range of
+    time stay steps, also if no row is left at a step.
 
     Raises
     ------
     InputError
-        An (id, t) is repeated, or a state is none, and the options do not say what to do.
+        An (id, t) is repeated, or a state is invalid, and the options do not say what to do.
     """
     roles = rows.roles
     state = roles.mixed(rows.numbers, roles.state)
@@ -69,11 +69,11 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    timestamps, step, labels = _grid(rows, options, choice)  # parts read these times alone
+    timestamps, step, labels = _grid(rows, options, choice)  # parts read only these times
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
             choice.keep(~mask, rule, sentence)
-    filled = (state == state).all(axis=1)  # NaN is not
+    filled = (state == state).all(axis=1)  # NaN differs from itself
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
@@ -105,7 +105,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         if drop is not None:
             taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
     choice.warnings += _about_ids(rows, taken, options)
-    # The sorted keys are cheaper than gathering two columns from all over the table.
+    # Dividing the sorted keys is cheaper than gathering two columns from all over the table.
     step, track = np.divmod(ordered, max(len(track_ids), 1))
     used, track = _renumbered(track, len(track_ids))
     covariance = None
@@ -156,7 +156,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
-    """Return rows whose ids end in the class, if several classes share an id at one step."""
+    """Return rows whose ids end with the class, if several classes share an id at one step."""
     assert rows.classes is not None
     (names, number), (classes, klass) = rows.ids, rows.classes
     taken = np.flatnonzero(mask)
@@ -169,15 +169,15 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
-"""Ids that programs write for a row that belongs to no track."""
+"""Ids that programs write for a row without a track."""
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
-    """Yield warnings about ids that are all -1, that number rows, or that restart in a column."""
+    """Yield warnings about ids that may mean no track, number rows or times, or are not unique."""
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
     for k in np.flatnonzero(np.isin(names, NO_TRACK) & (count > 0)) if len(names) > 1 else ():
-        # Each block of a side would have another count.
+        # The count is only known if all rows of a side are here.
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
@@ -218,12 +218,12 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             code="ids-begin-anew",
             text=f"ids of {quoted(own)} repeat in several values of {quoted(groups[0])}, and "
             "each id counts as one track",
-            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers begin anew in each",
+            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers restart in each",
         )
 
 
 PLACED = ("left", "top", "width", "height")
-"""Columns of boxes by place."""
+"""Columns of boxes in formats without headers."""
 
 
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
@@ -242,28 +242,28 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
-"""Rows that are looked at, and how many times as far they are if ids are times."""
+"""Number of rows that are examined, and least ratio of distances if ids and times are swapped."""
 
 
 OFTEN_NONE = "many programs write it for rows without a track"
 
 
 def without_id(name: str, rows: Rows, columns: str) -> str:
-    """Return the remedy that leaves out the rows of an id, for messages."""
+    """Return the option that leaves out the rows of an id, for messages."""
     header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
     where = ask(columns.replace("columns", "where") or "where", [f"{header} != {name}"])
     return f"{where} leaves such rows out"
 
 
 UNKNOWN = (-1.0, 0.0)
-"""Numbers that programs write in each column of an unknown place."""
+"""Numbers that programs write in all columns of an unknown position."""
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
-    """Return the headers of the states that are not known in any row, unless the user named them.
+    """Return the headers of the states if all positions are unknown and the user named no states.
 
-    They are blank or the same in all rows: what programs write there, or the place of several
-    objects.
+    Unknown states are blank or the same in all rows. They are the numbers that programs write for
+    unknown positions, or there are several objects, which cannot have one position.
     """
     columns = dict.fromkeys(column for mix in rows.roles.state for column, _ in mix)
     if not len(rows.numbers) or not rows.roles.headers or parse_columns(options.columns)[1]:
@@ -279,7 +279,7 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
 
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
-    """Return the boxes that the format marks as ignored regions."""
+    """Return the boxes that the format marks as ignored regions, if it has any."""
     at = [np.flatnonzero(mask) for rule, (mask, _) in rows.excluded.items() if rule in AS_REGIONS]
     boxes = np.concatenate([np.zeros(0, np.int64), *at])
     boxes = boxes[(state[boxes, 2:] > 0).all(axis=1)]
@@ -294,7 +294,7 @@ def _regions(rows: Rows, state: Floats) -> Regions | None:
 
 
 def said_of(rule: str, count: int, which: str) -> str:
-    """Return the message about the rows that a rule leaves out; `which` as of `on_duplicate`."""
+    """Return the message about the rows that a rule leaves out; `which` is from `on_duplicate`."""
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
         return f"{rows_repeat} an (id, t): the {which} one was used"
@@ -302,9 +302,9 @@ def said_of(rule: str, count: int, which: str) -> str:
 
 
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
-    """Yield notices about requested classes that are missing, or are written otherwise.
+    """Yield notices about requested classes that are missing or spelled in another way.
 
-    `whole`: names that differ in upper and lower case alone may be taken for one another.
+    With `whole`, names that differ only in upper and lower case may mean the same class.
     """
     requested = {name.strip() for name in options.classes or ()}
     for name in sorted(requested):
@@ -320,7 +320,7 @@ def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) ->
 
 
 class _Choice:
-    """Rows that still take part, what became of the others, and what the user should know."""
+    """Rows that still take part, counts of left-out rows, and messages for the user."""
 
     def __init__(self, rows: int) -> None:
         self.mask = np.ones(rows, bool)
@@ -329,7 +329,7 @@ class _Choice:
         self.warnings: list[Notice] = []
 
     def keep(self, inside: Mask, rule: str, sentence: str = "") -> None:
-        """Leave out what is not inside; the sentence is that of the rule, or one of a format."""
+        """Leave out rows that are not inside; `sentence` replaces the message of the rule."""
         if inside.all():
             return
         before = int(np.count_nonzero(self.mask))
@@ -341,12 +341,12 @@ class _Choice:
             self.notices.append(said)
 
     def all(self) -> bool:
-        """Return whether nothing was left out."""
+        """Return whether no row was left out."""
         return not self.left_out
 
 
 def _may_pass_midnight(times: TimeArray) -> bool:
-    """Return whether times span more than 12 h, if they are in seconds; few do."""
+    """Return whether times span more than 12 h if they are in seconds, which is rare."""
     return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
 
@@ -355,7 +355,7 @@ def _grid(
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
     """Return the distinct times in order, the step of each row, and the times as they were read.
 
-    Those within the range of time; rows outside it are left out.
+    Only times within the range of time are returned; rows outside this range are left out.
     """
     times = rows.times
     if options.day_begins is not None:
@@ -364,7 +364,7 @@ def _grid(
         times = carried(times, options.day_begins, rows.name)
     timestamps, step = _number_times(times.value)
     if options.day_begins is None and rows.whole and _may_pass_midnight(timestamps):
-        from tgospa_eval.formats.clocks import over_midnight  # lazy: as above
+        from tgospa_eval.formats.clocks import over_midnight  # lazy: seldom needed
 
         anew = over_midnight(times, timestamps, rows.ids[1])
         if anew is not None:
@@ -385,7 +385,7 @@ def _grid(
 
 
 def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
-    """Leave out rows of other classes, if a filter asks for some."""
+    """Leave out rows of classes that were not requested, if there is a filter by class."""
     if options.classes is None:
         return
     if rows.classes is None:
@@ -401,12 +401,12 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
 
 
 def _values(rows: Rows, column: int) -> Values:
-    """Return a column as it is in the file: numbers, or texts, which ids and classes always are.
+    """Return the values of a column as numbers or texts; ids and classes are always texts.
 
     Raises
     ------
     InputError
-        It was read as weights, and has other texts.
+        The column has the weights of particles, and a value is not a number.
     """
     roles = rows.roles
     if column in rows.attributes:
@@ -426,7 +426,7 @@ def _values(rows: Rows, column: int) -> Values:
 def _keep_region(
     rows: Rows, options: ReadOptions, particles: "Particles | None", choice: _Choice
 ) -> None:
-    """Leave out rows outside the region, clouds by their means."""
+    """Leave out rows outside the region; the mean decides for the particles of a cloud."""
     if not rows.roles.region:
         return
     values = rows.roles.mixed(rows.numbers, tuple(rows.roles.region.values()))
@@ -444,18 +444,19 @@ def _keep_region(
 def _check_states(
     rows: Rows, state: Floats, options: ReadOptions, choice: _Choice, *, droppable: bool
 ) -> None:
-    """Refuse or leave out rows whose state is none, of those that take part.
+    """Refuse or leave out invalid states of the rows that take part.
 
-    Sizes of boxes, sums that are no doubles, what the distance cannot compare.
+    States are invalid if a box has a wrong size, a sum overflows, or the distance does not allow
+    them.
 
     Raises
     ------
     InputError
-        There is one, and it is not to be left out.
+        A state is invalid, and the options do not leave such rows out.
     """
 
     def leave_out(wrong: Mask, column: str, fault: str, remedy: str = "") -> None:
-        """Leave out rows, or refuse them with what is wrong with the first."""
+        """Leave out rows, or refuse them with a message about the first."""
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
             return
@@ -470,7 +471,7 @@ def _check_states(
             )
             way = way if left else ", and no row is valid"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
-        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with it
+        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with the name
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:
@@ -481,7 +482,7 @@ def _check_states(
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
         bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
         first = extent[wrong][:1].sum()
-        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {bound}")
+        leave_out(wrong, name, f"{first:g} is not a {name} of a box", f"; it must be {bound}")
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -501,12 +502,12 @@ def _repeats(
     format: str,
     choice: _Choice,
 ) -> Ints | None:
-    """Return the places in `taken`, sorted by key, of repeated (id, t) rows to leave out.
+    """Return the positions in `taken`, sorted by key, of the repeated (id, t) rows to leave out.
 
     Raises
     ------
     InputError
-        There are some, or every id is -1, and the options do not say which is taken.
+        An (id, t) is repeated, or every id is -1, and the options do not say which row is taken.
     """
     which = options.on_duplicate
     again = places_of(ordered[1:] == ordered[:-1])
@@ -535,7 +536,7 @@ def _repeats(
 
 
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return which of the numbers below `count` occur, and all of them renumbered without gaps."""
+    """Return the numbers below `count` that occur, and all numbers renumbered without gaps."""
     occurs = np.bincount(number, minlength=count) > 0
     used = places_of(occurs)
     return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
@@ -544,7 +545,7 @@ def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
 def _classes(
     rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
 ) -> tuple[tuple[str, ...], Ints | None]:
-    """Return the names of the classes, and the number of each row's, if they are requested."""
+    """Return the names of the classes and the number of the class of each row, if requested."""
     if not options.by_class or rows.classes is None:
         return (), None
     names, number = rows.classes
@@ -578,10 +579,10 @@ def _covariances(
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
-    """Return the rows, all or the chosen, in the order of their keys, and the sorted keys."""
+    """Return all or the chosen rows in the order of their keys, and the sorted keys."""
     if chosen is not None:
         key = key[chosen]
-    if (key[1:] > key[:-1]).all():  # as most programs write them
+    if (key[1:] > key[:-1]).all():  # most programs write sorted rows
         return (np.arange(len(key)) if chosen is None else chosen), key
     if len(key) and key.max() < 4 * len(key):  # nearly a full grid: a table is quicker than sorting
         table = np.full(int(key.max()) + 1, -1)
@@ -595,8 +596,8 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
 
 
 def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
-    """Return the distinct times in order, and the number of each row's."""
-    if (value[1:] >= value[:-1]).all():  # as most programs write them
+    """Return the distinct times in order, and the number of the time of each row."""
+    if (value[1:] >= value[:-1]).all():  # most programs write rows in the order of time
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
         return value[begins], np.cumsum(begins) - 1
@@ -605,7 +606,7 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
 
 
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
-    """Return the requested attributes of some rows by name; clouds have their first particle's."""
+    """Return the requested attributes of some rows; a cloud has those of its first particle."""
     roles = rows.roles
     columns: dict[int, Values] = dict(rows.attributes)
     columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
@@ -628,31 +629,31 @@ PARTICLES_HINT = "particles of one object need a column weight"
 ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
-"""Share of rows from which one id is that of nearly all."""
+"""Share of rows with one id from which nearly all rows have this id."""
 
 
 def only_detections(name: str) -> str:
-    """Return the message for a file whose only id is -1."""
+    """Return the message about a file whose only id is -1."""
     return f"{name}: {ONLY_DETECTIONS}; give a single track another id"
 
 
 def refusal(
     taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, columns: str = "columns"
 ) -> str:
-    """Return the message for the repeated row that comes first in the file.
+    """Return the message about the first row of the file that repeats an (id, t).
 
     Parameters
     ----------
     taken : int array
         Rows that take part, in the order of their keys.
     again : int array
-        Places in `taken` before each row that repeats the one before.
+        Positions in `taken` whose next row has the same key.
     key : (R,) int array
-        Of all rows, by id and time.
+        Keys of all rows, by time and id.
     rows, format
-        The file, and how it was read.
+        Rows of the file, and name of its format.
     columns : str
-        The keyword by which the user names columns; blank of a DataFrame.
+        Keyword with which the user names columns; blank for a DataFrame.
     """
     second = taken[again + 1]
     k = int(np.argmin(second))
@@ -676,9 +677,9 @@ def refusal(
         whole_id = "+".join([*groups, roles.headers[roles.id]])
         mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
         return (
-            f"{message}ids are numbered anew in each {quoted(groups[0])}: "
+            f"{message}ids restart in each {quoted(groups[0])}: "
             f"{ask(columns, [f'id={whole_id}'])} evaluates all as one scene, "
-            f"{mapped}{option('by', 'class')} each by itself"
+            f"{mapped}{option('by', 'class')} each separately"
         )
     remedy = f"{option('on_duplicate', 'first')} or last"
     if format == "frame":
@@ -687,7 +688,7 @@ def refusal(
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
-    """Return why rows may repeat an (id, t), with a remedy; blank if it is not known."""
+    """Return a reason why rows repeat an (id, t), with a remedy; blank if the reason is unknown."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):

@@ -1,4 +1,4 @@
-"""Times as people have them: formats, epochs, GPS weeks, zones; as nanoseconds since 1970."""
+"""Conversion of formatted times, epochs, GPS weeks and time zones to nanoseconds since 1970."""
 
 from dataclasses import replace
 from decimal import Decimal, InvalidOperation
@@ -11,7 +11,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, plain
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import EARLIEST, LATEST, Coded, TimeError, Times
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, TIME_UNITS, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
@@ -24,14 +24,14 @@ GPS_EPOCH = 315_964_800
 DAY, WEEK = 86_400, 604_800
 
 NO_DATE = -25_567 * DAY * SECOND
-"""1900-01-01, the date of times that were read without one, in nanoseconds since 1970."""
+"""1900-01-01, the date of times that were read without a date, in nanoseconds since 1970."""
 
 LEAPS = (
     *(46_828_800, 78_364_801, 109_900_802, 173_059_203, 252_028_804, 315_187_205, 346_723_206),
     *(393_984_007, 425_520_008, 457_056_009, 504_489_610, 551_750_411, 599_184_012, 820_108_813),
     *(914_803_214, 1_025_136_015, 1_119_744_016, 1_167_264_017),
 )
-"""GPS seconds from which on UTC is one more second behind: 1981-07-01 to 2017-01-01 (IERS)."""
+"""GPS seconds of the leap seconds, which set UTC back by 1 s: 1981-07-01 to 2017-01-01 (IERS)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,16 +42,16 @@ class TimeForm:
     ----------
     format : str
         A format of ``strptime``; ``s``, ``ms``, ``us`` or ``ns`` since 1970; ``gps`` for weeks and
-        seconds of GPS. Blank: numbers or ISO times.
+        seconds of GPS. Blank means numbers or ISO times.
     zone : str
-        Of times without one, such as ``Europe/Copenhagen``; blank leaves them without.
+        Time zone of times without a zone, such as ``Europe/Copenhagen``; blank means unknown.
     role : str
-        Whose, for messages.
+        Side that has these times, for messages.
 
     Raises
     ------
     ConfigError
-        There is no such format or zone.
+        The format or the time zone is unknown.
     """
 
     format: str = ""
@@ -77,12 +77,12 @@ class TimeForm:
                 ) from None
 
     def read(self, column: Coded) -> Times | None:
-        """Read the times of a column by the format; None without one.
+        """Read the times of a column by the format; return None if there is no format.
 
         Raises
         ------
         TimeError
-            A text does not fit it.
+            A text does not fit the format.
         """
         if not self.format:
             return None
@@ -146,11 +146,11 @@ class TimeForm:
         Raises
         ------
         TimeError
-            A time is a duplicate, or never comes, as the clocks are changed.
+            A time occurs twice or never in the zone, as daylight saving begins or ends.
         """
         if not self.zone or times.clock != "local":
             return times
-        import pandas as pd  # lazy: as above
+        import pandas as pd  # lazy: few sides have a time zone
 
         value, code = np.unique(times.value, return_inverse=True)
         local = pd.Series(value.astype("datetime64[ns]"))
@@ -169,7 +169,7 @@ class TimeForm:
 
 
 def _gps(text: str) -> int:
-    """Convert a GPS week and its seconds, with a blank between, to nanoseconds in UTC."""
+    """Convert a GPS week and its seconds, separated by a blank, to nanoseconds in UTC."""
     week, seconds = text.split()
     exact = Decimal(week) * WEEK + Decimal(seconds)
     if not exact.is_finite() or not 0 <= exact < 2**33 or not 0 <= Decimal(seconds) <= WEEK:
@@ -194,16 +194,16 @@ def carried(times: Times, begins: float, name: str) -> Times:
     Parameters
     ----------
     times : Times
-        They.
+        Times of day.
     begins : float
-        In their unit, or in seconds where they are texts.
+        Time at which the day begins, in the unit of the times; in seconds if they are texts.
     name : str
-        What messages begin with.
+        Beginning of messages.
 
     Raises
     ------
     InputError
-        They are no times of one day.
+        The times are not all within one day.
     """
     unit = 1 if times.clock == "number" else SECOND
     day = _day_of(begins * unit) if unit == 1 else DAY * SECOND
@@ -224,17 +224,17 @@ def carried(times: Times, begins: float, name: str) -> Times:
 
 
 def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
-    """Return the first row that begins a new day, and what to do; None where none seems to.
+    """Return the first row that seems to begin a new day, with a remedy; None without such a row.
 
-    Such a row is earlier than the one before of its track by more than half a day, in the order of
-    the file, and no other is as much later.
+    In the order of the file such a row is more than half a day earlier than the previous row of its
+    track, and no row is more than half a day later than the previous one.
 
     Parameters
     ----------
     times : Times
-        Of all rows.
+        Times of all rows.
     timestamps : array
-        The distinct ones in order.
+        Distinct times in order.
     track : (R,) int array
         Track of each row.
     """
@@ -260,14 +260,14 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
 
 
 def _day_of(time: float) -> int:
-    """Return the length of a day in the likely unit of a time of day: s, ms, us or ns."""
+    """Return the length of a day in the likely unit of a time of day, which is s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
-    """Read the numbers of a side as times since 1970, in the unit that their size suggests.
+    """Read numeric times of a side as times since 1970, in the unit that their size suggests.
 
-    The unit is blank if they do not.
+    Return the side and the unit. If no unit fits, the side is unchanged and the unit is blank.
     """
     ends = [abs(float(side.times[k])) for k in (0, -1)]
     scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}

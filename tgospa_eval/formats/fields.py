@@ -1,4 +1,4 @@
-"""Fields of text: the one rule of what is a number, columns that hold each text once, and times."""
+"""Fields of text: the rule for numbers, columns that store each text once, and times."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Values
 
@@ -21,13 +21,13 @@ MISSING = frozenset(
         *("#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "1.#IND", "1.#QNAN"),
     )
 )
-"""Texts without a number: what pandas reads as missing."""
+"""Texts that mean a missing number, as in pandas."""
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
-    """Parse a column to the exact doubles; ValueError unless every text is a number."""
+    """Parse a column to exact doubles; raise ValueError unless every text is a number."""
     joined = "".join(texts)
-    if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
+    if "_" in joined or not joined.isascii():  # float() accepts 1_000 and digits of any script
         raise ValueError
     if decimal == ",":
         if "." in joined:
@@ -37,7 +37,7 @@ def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
 
 
 def is_number(text: str, decimal: str = ".") -> bool:
-    """Return whether a text is a number, with this mark if any."""
+    """Return whether a text is a number with this decimal mark, or without a mark."""
     if "_" in text or not text.isascii() or (decimal == "," and "." in text):  # as in `floats`
         return False
     try:
@@ -49,14 +49,14 @@ def is_number(text: str, decimal: str = ".") -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Coded(Sequence[str]):
-    """A column of texts that holds each distinct text once.
+    """Column of texts that stores each distinct text once.
 
     Parameters
     ----------
     distinct : list of str
-        Distinct texts in the order in which they first appear.
+        Distinct texts in the order of first appearance.
     code : (R,) int array
-        Which of them each row has.
+        Position in `distinct` of the text of each row.
     """
 
     distinct: list[str]
@@ -79,7 +79,7 @@ class Coded(Sequence[str]):
 
 
 def joined_texts(first: Coded, second: Coded) -> Coded:
-    """Join two columns, with a blank between."""
+    """Join the texts of two columns, with a blank between them."""
     width = max(len(second.distinct), 1)
     pair, code = np.unique(first.code.astype(np.int64) * width + second.code, return_inverse=True)
     texts = [
@@ -90,7 +90,7 @@ def joined_texts(first: Coded, second: Coded) -> Coded:
 
 
 def attribute_of(column: Coded, decimal: str = ".") -> Values:
-    """Convert a column to numbers, NaN where blank, if all are numbers; else keep the texts."""
+    """Convert a column to numbers, NaN where blank; keep the texts if some are not numbers."""
     texts = [text.strip() for text in column.distinct]
     try:
         numbers = ["nan" if text in MISSING else text for text in texts]
@@ -103,10 +103,10 @@ def attribute_of(column: Coded, decimal: str = ".") -> Values:
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
-"""Below this doubles hold every integer."""
+"""Bound below which every integer is a double."""
 
 EARLIEST, LATEST = 10**8, 4 * 10**9
-"""Seconds since 1970 that a number may be guessed to be: 1973 to 2096."""
+"""Range of numbers that may be guessed to be seconds since 1970: 1973 to 2096."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -122,7 +122,7 @@ class Times:
     clock : {"number", "local", "zoned"}
         Kind of time.
     text : list of str, optional
-        The texts, where they are no numbers.
+        Texts of the times, unless they are numbers.
     """
 
     value: TimeArray
@@ -131,21 +131,21 @@ class Times:
 
 
 class Form(Protocol):
-    """The interface of `formats.clocks.TimeForm`: how times are written."""
+    """Interface of `formats.clocks.TimeForm`: how times are written."""
 
     @property
     def format(self) -> str:
-        """Blank for numbers and ISO times."""
+        """Format of the times; blank for numbers and ISO times."""
 
     def read(self, column: Coded) -> Times | None:
-        """Return the times of a column by a format; None if there is none."""
+        """Read the times of a column by the format; return None if there is no format."""
 
     def zoned(self, times: Times) -> Times:
-        """Return times without zone in UTC, if they are of a zone."""
+        """Convert times without zone to UTC, if a zone is given."""
 
 
 class RowError(ValueError):
-    """Row `row` is wrong; the message has what is wrong and what would be right."""
+    """Error in row `row`; the message says what is wrong and what is right."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)
@@ -153,7 +153,7 @@ class RowError(ValueError):
 
 
 class TimeError(RowError):
-    """A time is none."""
+    """Error that a value is not a valid time."""
 
 
 def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
@@ -162,14 +162,14 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
     Parameters
     ----------
     texts : sequence of str
-        The column.
+        Texts of the column.
     to_floats : callable
-        Turns the whole column into floats or raises ValueError.
+        Callable that converts the whole column to floats or raises ValueError.
 
     Raises
     ------
     TimeError
-        The first row that is blank, no time, infinite, or of another kind than the first row.
+        A row is blank, not a time, infinite, or of another kind than the first row.
     """
     joined = "".join(texts)
     if joined.isascii() and "_" not in joined:
@@ -202,7 +202,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     Raises
     ------
     TimeError
-        As `parse_times`, of the first row that is wrong.
+        An error of `parse_times`, about the first wrong row.
     """
 
     def to_floats(texts: Sequence[str]) -> Floats:
@@ -211,7 +211,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     try:
         times = parse_times(column.distinct, to_floats)
     except TimeError:
-        return parse_times(list(column), to_floats)  # its error names the row and counts the others
+        return parse_times(list(column), to_floats)  # its error has the row and the number of rows
     text = None if times.text is None else column
     return Times(value=times.value[column.code], clock=times.clock, text=text)
 
@@ -223,14 +223,14 @@ def read_times(
     second: Coded | None = None,
     digits: int = 0,
 ) -> Times:
-    """Read the times of a column, or of two that are one stamp, by a form if there is one.
+    """Read the times of a column, or of two columns that are one timestamp, by a form if given.
 
-    `digits` are those of a second behind the point, if the second column has such by its header.
+    `digits` is the number of decimal places of a second that the second column has by its header.
 
     Raises
     ------
     TimeError
-        As `parse_times`, or a text does not fit the form.
+        An error of `parse_times`, or a text does not fit the form.
     """
     if second is not None:
         column = joined_texts(column, second)
@@ -243,14 +243,14 @@ def read_times(
 
 
 def _of_fractions(column: Coded, digits: int) -> Times | None:
-    """Parse times of whole seconds, a blank and a fraction as an integer; None for other texts.
+    """Parse times of whole seconds, a blank and an integer fraction; return None for other texts.
 
-    Seconds since 1970, by their size, are times in UTC.
+    Numbers whose size suggests seconds since 1970 are times in UTC.
 
     Raises
     ------
     TimeError
-        Nobody knows what part of a second the fraction counts, or it is more than a second.
+        The unit of the fraction is unknown, or a fraction is a second or more.
     """
     parts = [text.partition(" ")[::2] for text in column.distinct]
     if not parts or not all(re.fullmatch("[0-9]{1,18}", text) for pair in parts for text in pair):
@@ -277,7 +277,7 @@ def _of_fractions(column: Coded, digits: int) -> Times | None:
 
 
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
-    """Return the rank of each time of each series among the times of all, exact for all numbers.
+    """Return the rank of each time of each series among all times, exact for all numbers.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
     Raises
     ------
     TimeError
-        A text is no time, or times are of several kinds.
+        A text is not a time, or times are of several kinds.
     """
     times = [t for own in series for t in own]
     texts = [t for t in times if isinstance(t, str)]
@@ -338,7 +338,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
         pass
     else:
         return 0, "number" if text.strip() else "none"
-    # datetime keeps microseconds only; the digits of the fraction are taken by hand.
+    # datetime stores only microseconds, so the digits of the fraction are parsed here.
     match = re.fullmatch(ISO, text.strip())
     plain, fraction = (match[1] + match[3], match[2]) if match else (text.strip(), "")
     if fraction[9:].strip("0"):
@@ -361,7 +361,7 @@ DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(
 
 
 def _reading_of(text: str) -> str:
-    """Return the time formats that read an ambiguous date, as a remedy; blank if none does."""
+    """Return a remedy with the formats that read an ambiguous date or a time of day, or a blank."""
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
         return (
@@ -391,7 +391,7 @@ BLANK = "leave it blank where the object is absent"
 
 
 def remedy_for(text: str) -> str:
-    """Return a remedy for a text that is no number."""
+    """Return a remedy for a text that is not a number."""
     with_words = re.fullmatch(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*", text)
     if with_words and with_words[2] in "NSEWnsew":
         sign = "-" if with_words[2] in "SWsw" else ""

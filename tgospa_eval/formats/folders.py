@@ -1,4 +1,4 @@
-"""Folders that are one side: a file an object (TUM, CSV), or a file a frame (YOLO)."""
+"""Folders that are one side, with a file for each object (TUM, CSV) or each frame (YOLO)."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ from tgospa_eval.formats.guess import COMMENTS, files_of_folder
 from tgospa_eval.formats.loading import check_text_memory, unpacked_file
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.text.lines import decode
-from tgospa_eval.text import listed
+from tgospa_eval.quoting import listed
 
 TUM_FIELDS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 YOLO_FIELDS = ("class", "cx", "cy", "width", "height")
@@ -21,12 +21,12 @@ YOLO_RULE = "lines are class, cx, cy, width, height, confidence where there is o
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of trajectories, each of them a file, whose name is the id.
+    """Read the table of TUM files, each with one trajectory and named after its id.
 
     Raises
     ------
     InputError
-        A line is none of TUM.
+        A line does not have the numbers of TUM.
     """
     rows, places = [], []
     for stem, place, words in _lines(path, data, options):
@@ -38,12 +38,12 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
 
 
 def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of CSV files without ids, each of one object, whose name is the id.
+    """Read the table of CSV files without ids, each with one object and named after its id.
 
     Raises
     ------
     InputError
-        A file is no such table.
+        A file is not a CSV table.
     """
     tables = []
     for file in files_of_folder(path) if os.path.isdir(path) else [path]:
@@ -52,7 +52,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
         check_text_memory(file, content, options.max_input)
         try:
             table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
-        except (ValueError, csv.Error) as error:  # pandas' parser raises these
+        except (ValueError, csv.Error) as error:  # errors of the parser of pandas
             raise InputError(f"{file}: not a CSV table: {' '.join(str(error).split())}") from None
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
@@ -60,12 +60,12 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
 
 
 def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of boxes in parts of the image, whose files are the frames by number.
+    """Read the table of YOLO boxes in units of the image size, with a numbered file for each frame.
 
     Raises
     ------
     InputError
-        A line is none of YOLO, has no id, or names are of no frames of one video.
+        A line is not YOLO, has no id, or the names of the files are not frames of one video.
     """
     rows, places, names = [], [], set()
     for stem, place, words in _lines(path, data, options):
@@ -86,7 +86,7 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _lines(path: str, data: bytes, options: ReadOptions) -> list[tuple[str, str, list[str]]]:
-    """Return the name of the file, place, and words of each line with content."""
+    """Return the name of the file, the place and the words of each line with content."""
     is_folder = os.path.isdir(path)
     lines = []
     for file in files_of_folder(path) if is_folder else [path]:

@@ -1,6 +1,6 @@
 """pandas DataFrames in the long form of the CSV files.
 
-Tables of text may have columns of their own for each object: ``t,x1,y1,x2,y2``, DeepLabCut.
+Tables of text may also have separate columns for each object, as ``t,x1,y1,x2,y2`` and DeepLabCut.
 """
 
 import csv
@@ -52,18 +52,18 @@ from tgospa_eval.formats.rows import (
 )
 from tgospa_eval.formats.text.lines import check_text, decode, lines_of, numbers
 from tgospa_eval.formats.text.table import header_of, split_rows
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.quoting import listed, quoted
 from tgospa_eval.tracks.trajectories import Values
 
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
-"""Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""
+"""Types of values that can be ids and classes; NumPy's numbers and pandas' times are subtypes."""
 
 NUMBER_TYPES = (str, Real, Decimal)
 TIME_TYPES = (*NUMBER_TYPES, datetime.date)
-"""Values that are numbers and times, or none by their text."""
+"""Types of values whose texts are parsed as numbers and times."""
 
 UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
-"""Errors of pandas about a timestamp that it cannot write."""
+"""Errors of pandas about a timestamp that has no text."""
 
 
 def from_frame(
@@ -74,7 +74,7 @@ def from_frame(
     Raises
     ------
     InputError
-        As for files, with the position of the row (from 0) instead of a line.
+        An error of `formats.read`, in which rows count from 0.
     """
     options = replace(options or ReadOptions(), option="")
     headers = [str(column) for column in frame.columns]
@@ -84,7 +84,7 @@ def from_frame(
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise
-        find_roles([*levels, *headers], options, name)  # its error names all that is missing
+        find_roles([*levels, *headers], options, name)  # its error names all missing columns
         indexed = ", ".join(map(quoted, levels))
         raise InputError(
             f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
@@ -103,12 +103,12 @@ def frame_rows(
 ) -> Rows:
     """Convert a DataFrame to rows; `name` begins the messages, `decimal` is the mark in texts.
 
-    `where` says where a row is, for messages; by default in what is called `name`.
+    `where` returns the place of a row, for messages; by default `name` and the number of the row.
 
     Raises
     ------
     InputError
-        A column has no numbers, ids or times, or an infinite one.
+        A value is not a number, id or time as its column requires, or is infinite.
     """
     where = where or f"{name}, row {{}}".format
 
@@ -131,7 +131,7 @@ def frame_rows(
         except InputError as error:
             if column != roles.weight:
                 raise
-            states[:, k], weight_fault = np.nan, str(error)  # the column may be no weight
+            states[:, k], weight_fault = np.nan, str(error)  # the column may not be a weight
     with _placed(frame.iloc[:, roles.time], where):
         times = _formed_times(frame, roles, name, decimal)
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
@@ -157,14 +157,14 @@ def frame_rows(
 
 
 def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
-    """Convert a table to rows; a text in its index says where each row is.
+    """Convert a table to rows; texts in its index are the places of the rows in messages.
 
     Raises
     ------
     TypeError
-        It is no DataFrame.
+        The table is not a DataFrame.
     InputError
-        As of `from_frame`.
+        An error of `from_frame`.
     """
     if not isinstance(table, pd.DataFrame):
         raise TypeError(f"it returned {type(table).__name__}, not a DataFrame")
@@ -178,9 +178,9 @@ def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
 
 
 def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
-    """Reshape a table whose columns are mapped by pattern to one row per object.
+    """Reshape a table whose columns are mapped by pattern to one row per object and time.
 
-    Its index says where each row is; the table is the same if no header fits.
+    The index has the place of each row for messages. If no header fits, the table is unchanged.
     """
     names = [str(name).strip() for name in frame.columns]
     objects = objects_in(names, mapped)
@@ -199,7 +199,7 @@ def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
 
 @contextmanager
 def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
-    """Add the row and column to errors about a value or a timestamp out of range."""
+    """Add the row and column to errors about a value, or about a timestamp out of range."""
     try:
         yield
     except RowError as error:
@@ -220,7 +220,7 @@ def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
 
 
 def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
-    """Convert a column to finite numbers, NaN where blank; texts by the rules of text files."""
+    """Convert a column to finite numbers, NaN where blank; texts follow the rules of text files."""
     kind = column.dtype.kind
     if kind not in "iufO":
         raise InputError(
@@ -241,7 +241,7 @@ def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
 
 
 def _number_text(decimal: str, value: object) -> str:
-    """Format a number, a text or a date as a text file would have it."""
+    """Format a number, a text or a date as in a text file."""
     if isinstance(value, datetime.date):
         return value.isoformat()
     if isinstance(value, (str, bool, int, np.integer)):
@@ -257,8 +257,8 @@ def _other(value: object, wanted: str) -> str:
 def _texts(
     column: pd.Series, wanted: str, types: tuple[type, ...], text: Callable[[object], str]
 ) -> Coded:
-    """Convert a column of values of these types to texts, blank where one is missing."""
-    # Factorizing objects needs hashable values, and takes 1 for True.
+    """Convert a column of values of these types to texts, blank where a value is missing."""
+    # Factorizing objects needs hashable values, and does not tell 1 from True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
         code, values = np.arange(len(column)), column.tolist()
     else:
@@ -276,8 +276,8 @@ def _texts(
 
 
 def _name(value: object) -> str:
-    """Return the text of an id or a class: 7 also where pandas made integers floats."""
-    if isinstance(value, Decimal):  # of up to 76 digits: the remainder would not fit the context
+    """Return the text of an id or a class; 7.0 becomes 7, as pandas may make integers floats."""
+    if isinstance(value, Decimal):  # up to 76 digits: a remainder would not fit the context
         whole = value.is_finite() and value == value.to_integral_value()
     else:
         whole = isinstance(value, (float, np.floating)) and value.is_integer()
@@ -285,12 +285,12 @@ def _name(value: object) -> str:
 
 
 def id_text(value: object, name: str) -> str:
-    """Return the text of an id by itself; `name` begins the messages.
+    """Return the text of a single id; `name` begins the messages.
 
     Raises
     ------
     InputError
-        It is blank, or of a type that no id has.
+        The id is blank, or of a type that is not supported.
     """
     if not isinstance(value, ID_TYPES):
         raise InputError(f"{name}: an id is {_other(value, 'an id')}")
@@ -301,7 +301,7 @@ def id_text(value: object, name: str) -> str:
 
 
 def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
-    """Return the times of a table, of one column or two, as they are written."""
+    """Return the times of a table, from one column or two, by the given form."""
     column = frame.iloc[:, roles.time]
     if roles.second is None and (roles.options.form is None or not roles.options.form.format):
         times = _times(column, name, decimal)
@@ -321,12 +321,12 @@ def _as_texts(column: pd.Series, decimal: str) -> Coded:
 def frame_times(
     column: pd.Series, name: str, decimal: str = ".", where: Callable[[int], str] | None = None
 ) -> Times:
-    """Read a column of times; `name` and `where` as of `frame_rows`.
+    """Read a column of times; `name` and `where` are those of `frame_rows`.
 
     Raises
     ------
     InputError
-        A value is no time.
+        A value is not a time.
     """
     with _placed(column, where or f"{name}, row {{}}".format):
         return _times(column, name, decimal)
@@ -360,7 +360,7 @@ def _times(column: pd.Series, name: str, decimal: str) -> Times:
 
 
 LEVELS = ("scorer", "individuals", "bodyparts", "coords")
-"""First fields of the lines that are the header of DeepLabCut."""
+"""First fields of the header lines of DeepLabCut."""
 
 
 def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
@@ -369,7 +369,7 @@ def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     Raises
     ------
     InputError
-        There is no such header, or a row has another number of fields.
+        The header does not fit the pattern, or a row has another number of fields.
     """
     text = _text(path, data, options)
     names, _roles, delimiter, first, start = header_of(text, path, options, wide=True)
@@ -379,12 +379,12 @@ def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 def read_deeplabcut(
     path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
 ) -> pd.DataFrame:
-    """Read the table of a CSV file of DeepLabCut, whose columns are called ``mouse.nose.x``.
+    """Read the table of a CSV file of DeepLabCut; its columns are named like ``mouse.nose.x``.
 
     Raises
     ------
     InputError
-        It is none, or there are several body parts.
+        The file is not of DeepLabCut, or has several body parts.
     """
     rows = list(csv.reader(_text(path, data, options).split("\n")))
     levels = {row[0]: row[1:] for row in rows[: len(LEVELS)] if row and row[0] in LEVELS}
@@ -416,7 +416,7 @@ def _text(path: str, data: bytes, options: ReadOptions) -> str:
 
 
 def _table(path: str, rows: Iterable[list[str]], first: int, names: Sequence[str]) -> pd.DataFrame:
-    """Return the rows from a line on, with their lines as the index."""
+    """Return rows as a table with their lines as the index; the first row is on line `first`."""
     kept, places = [], []
     for line, row in enumerate(rows, start=first):
         if len(row) == len(names):

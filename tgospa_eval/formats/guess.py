@@ -1,4 +1,4 @@
-"""The format of a file, by its name and its first line."""
+"""Format of a file, from its name and its first bytes or lines."""
 
 import math
 import os
@@ -23,7 +23,7 @@ FORMAT_OF_SUFFIX = {
     ".npy": "npy",
     ".mat": "mat",
 }
-"""Format by the end of a name; only first bytes come before."""
+"""Format by the end of a name; the first bytes of `MAGIC` have priority."""
 
 MAGIC = {
     b"PAR1": "parquet",
@@ -39,32 +39,32 @@ MAGIC = {
 GUESSED_FROM = 1 << 12
 
 VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
-"""Classes of objects; 0 is for regions that are not considered."""
+"""Classes of objects; class 0 means ignored regions."""
 
 SAMPLES = "sample.json"
-"""The table of nuScenes that has the times."""
+"""Table of nuScenes with the times."""
 TABLES_READ = ("category.json", "instance.json", SAMPLES, "sample_annotation.json", "scene.json")
-"""All that are read of it."""
+"""All tables of nuScenes that are read."""
 RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
-"""Beginning of results of nuScenes, after a short part."""
+"""Pattern of the beginning of results of nuScenes, which may have a short part before."""
 
 ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
-"""Columns of Argoverse 2, in Feather files."""
+"""Columns of Feather files of Argoverse 2."""
 SCHEMA_BYTES = 1 << 14
-"""Bytes of a Feather file in which the names of its columns are."""
+"""Number of first bytes of a file in which names of columns or parts are looked for."""
 
 BEGINNINGS = {
     "json": r'\{\s*["}]|\[\s*[{\]]',
     "deeplabcut": r"scorer,.*\s+(individuals,.*\s+)?bodyparts,.*\s+coords,",
 }
-"""Beginnings of text files of these formats, whatever their names are."""
+"""Patterns of the beginnings of text files of these formats, with any name."""
 
 VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
-"""A file of MATLAB and one of its variables, or an element of a cell."""
+"""Pattern of a file of MATLAB with one of its variables, or with an element of a cell."""
 
 
 def file_of(path: str) -> str:
-    """Return the file of a path ``FILE.mat:X`` or ``FILE.mat:Y{3}``; any other path is a file."""
+    """Return the file of a path ``FILE.mat:X`` or ``FILE.mat:Y{3}``; keep any other path."""
     named = VARIABLE.fullmatch(path) if ":" in path else None
     return named[1] if named and not os.path.lexists(path) else path
 
@@ -75,19 +75,19 @@ def is_table_folder(path: str) -> bool:
 
 
 def files_at(path: str) -> list[str]:
-    """Return the files of a path: those in a folder that is one side, or the file itself."""
+    """Return the files of a path: the files of a folder that is one side, or the file itself."""
     if not is_table_folder(path):
         return files_of_folder(path) if folder_format(path) else [path]
     return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
 
 
 def guess(path: str, data: bytes) -> str:
-    """Guess the format, a key of `formats.FORMATS`; what looks like nothing else is a CSV table.
+    """Guess the format, a key of `formats.FORMATS`; the default is a CSV table.
 
-    The name of a format of another package is that of its files: run.trk is read as trk.
-    A MOTChallenge line has 6 to 10 numbers, and no header; VisDrone has 10 as well, of which the
-    last three are classes and grades of visibility in all lines. A KITTI line has 17 fields, or
-    18 with a score, separated by blanks, of which the third is the type.
+    A format of another package is guessed from the end of the name: run.trk is read as trk.
+    A MOTChallenge line has 6 to 10 numbers, and there is no header. A VisDrone line has 10 numbers,
+    and the last three are classes and grades of visibility in all lines. A KITTI line has 17 fields
+    separated by blanks, or 18 with a score, and the third field is the type.
     """
     suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     ending = suffix[0] if suffix else ""
@@ -111,10 +111,10 @@ def guess(path: str, data: bytes) -> str:
 
 
 def _guess_text(head: str, *, is_whole: bool) -> str:
-    """Guess the format of a table by its first lines."""
+    """Guess the format of a table from its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
-    # A file with only comments so far is a table, or empty.
+    # A file that begins with only comments is a table, or empty.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
@@ -122,7 +122,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
         if line.strip() and all(map(fits, filter(str.strip, lines[:LINES_TRIED]))):
             return name
     if any(len(split(comment.lstrip(" \t#%/"))) == len(fields) for comment in comments):
-        return "csv"  # its header is a comment
+        return "csv"  # a comment is the header
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         whole = lines if is_whole else lines[:-1] or lines
         whole = [line for line in whole if line.strip()]
@@ -136,10 +136,10 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 
 
 def folder_format(path: str) -> str:
-    """Return the format of a folder that is read as one side; blank if it is none.
+    """Return the format of a folder that is read as one side; blank for any other path.
 
-    TUM has a trajectory a file, in eight numbers a line, and CSV files without ids have one as
-    well; YOLO has the boxes of a frame.
+    Files of TUM, with eight numbers in each line, and CSV files without ids have a trajectory each.
+    Files of YOLO have the boxes of a frame each.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
@@ -160,11 +160,11 @@ def folder_format(path: str) -> str:
 
 
 FILES_TRIED, LINES_TRIED = 100, 20
-"""Files of a folder, and lines of each, by which files of numbers are told apart."""
+"""Number of files, and of lines of each, from which the format of a folder is guessed."""
 
 
 def files_of_folder(path: str) -> list[str]:
-    """Return the files of text in a folder, in the natural order of their names."""
+    """Return the text files in a folder, in the natural order of their names."""
     try:
         names = os.listdir(path)
     except OSError:
@@ -176,11 +176,11 @@ def files_of_folder(path: str) -> list[str]:
 PER_OBJECT = "csv-per-object"
 TABLES = (".csv", ".tsv")
 TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.txt")
-"""Files of folders that are one side, and those beside them."""
+"""Ends of the names of text files in folders that are one side, and names of files to skip."""
 
 
 def _is_of_one_object(path: str) -> bool:
-    """Return whether a table has a header with times and places, and nothing that may be ids."""
+    """Return whether a table has a header with times and positions, and without possible ids."""
     from tgospa_eval.formats.headers import HINTS, Headers  # lazy: for folders only
 
     lines = (line for line in _beginning(path).splitlines() if line.strip())
@@ -202,7 +202,7 @@ def _beginning(path: str) -> str:
 
 
 def is_tum(line: str) -> bool:
-    """Return whether a line is a time, a place and a quaternion of length 1."""
+    """Return whether a line is a time, a position and a quaternion of length 1."""
     words = line.split()
     if len(words) != 8 or not all(map(is_number, words)):
         return False
@@ -210,7 +210,7 @@ def is_tum(line: str) -> bool:
 
 
 def is_yolo(line: str) -> bool:
-    """Return whether a line is a class and a box in parts of an image, then score, id or both."""
+    """Return whether a line is a class, a box relative to the image, and perhaps score and id."""
     words = line.split()
     if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
         return False
@@ -219,7 +219,7 @@ def is_yolo(line: str) -> bool:
 
 
 def split(line: str) -> list[str]:
-    """Split a line of MOTChallenge text at commas, also a last one, else at blanks."""
+    """Split a line of MOTChallenge text at commas, or at blanks; a last comma is ignored."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
 
@@ -229,7 +229,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:
-    """Return whether ten columns end in class, truncation and occlusion, not in a position."""
+    """Return whether all lines have ten columns that end with class, truncation and occlusion."""
     return all(
         len(fields) == 10
         and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
@@ -239,18 +239,18 @@ def _is_visdrone(lines: Iterable[str]) -> bool:
 
 
 MIN_BOX = 2.0
-"""Pixels of the sides of a box; of less are speeds and sizes in metres."""
+"""Least width and height of a box in pixels; smaller numbers are speeds, or sizes in metres."""
 
 
 def _is_motchallenge(lines: Iterable[str]) -> bool:
-    """Return whether lines have integer frames and ids, a box in pixels, flags and classes.
+    """Return whether most lines have integer frames and ids, a box in pixels, flags and classes.
 
-    What is wrong with single lines is found by the reader: most of the lines count.
+    The reader reports the mistakes of single lines.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
     if any(len(row) < MOT_SHORTEST for row in rows):
-        return True  # its reader says what is wrong
+        return True  # the reader of MOTChallenge reports the mistake
     whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows)
     sized = sum(min(map(abs, row[4:6])) >= MIN_BOX or row[4:6] == [-1, -1] for row in rows)
     flagged = sum(
@@ -268,9 +268,9 @@ COMMENTS = ("#", "%", "//")
 
 
 def foreign(line: str) -> str:
-    """Return what the first line is, where it is no header, with a remedy; blank if unknown.
+    """Describe a first line that is not understood as a header, with a remedy; blank if unknown.
 
-    A table whose header is understood may begin with any of these.
+    A table whose header is understood may begin with the same marks.
     """
     line = line.strip()
     if line.startswith(COMMENTS):

@@ -1,29 +1,24 @@
-"""Headers of a table: where a column is found, and which one was probably meant.
+"""Headers of a table: search for columns, and suggestions for missing columns.
 
-Columns that each object has of its own are named by pattern, ``x=x{id},y=y{id}``.
+If each object has separate columns, these are named by pattern, ``x=x{id},y=y{id}``.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import COMMAND, listed, option, quoted, surface
-
-if TYPE_CHECKING:
-    pass
-
+from tgospa_eval.quoting import COMMAND, listed, option, quoted, surface
 
 ID_MARK = "{id}"
-"""Id of an object in its headers."""
+"""Mark that means the id of an object in patterns of headers."""
 
 PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Return the columns of each complete object by role; none if no header fits a pattern."""
+    """Return the columns of each complete object by role; empty if no header fits."""
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -36,14 +31,14 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 
 
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """Return the headers that belong to no object and have no name of an object's column."""
+    """Return the positions of the columns that belong to no object and have a free name."""
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
     return [k for k, name in enumerate(names) if k not in used and name not in taken]
 
 
 def pattern_in(names: Sequence[str]) -> list[str]:
-    """Suggest columns by pattern, if these headers may be x and y of several objects; or none."""
+    """Suggest patterns if these headers may be x and y of several objects; else an empty list."""
     for one, two in PAIRED_NAMES:
         first = [name for name in names if one in name and name.replace(one, two) in names]
         before = _common(first)
@@ -67,7 +62,7 @@ WEIGHT = "weight"
 """Header of the weights of particles."""
 
 NO_STATES = ("id", "t", "class", WEIGHT)
-"""Columns that are no part of the state, also where they are named."""
+"""Columns that are not part of the state, also if the user names them."""
 
 PREFIXES = ("cov_", "std_", "rho_")
 """Prefixes of entries of covariances."""
@@ -75,32 +70,33 @@ PREFIXES = ("cov_", "std_", "rho_")
 SPREAD = re.compile(
     r"(cov|var|std|sigma|rho)_\w+|p_\w+_\w+|p_?(\d_?\d|(?P<axis>[a-z])_?(?P=axis))", re.IGNORECASE
 )
-"""Headers that may be of covariances."""
+"""Pattern of headers that may be entries of covariances."""
 
 BOX = ("left", "top", "width", "height")
 CORNERS = ("left", "top", "right", "bottom")
 EDGES = (*BOX, "right", "bottom")
 
 SKIPPED = ("-", "_")
-"""Names of columns that are nothing."""
+"""Names of columns that are not used."""
 
 
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """Return the columns of each file, and the names among them whose headers it may lack.
+    """Return the columns of each file, and the mapped names whose headers may be missing.
 
     Parameters
     ----------
     shared : sequence of str, optional
         Items for all files.
     own : sequences of str, optional
-        Items for each, which go before. States that are named for one are those of all, if all are
-        `alike`.
+        Items for each file, which have priority.
+    alike : bool
+        Whether states that are named for one file are the states of all files.
     """
     maps, wanted = parse_columns(shared)
     parsed = [parse_columns(items) for items in own]
-    # A table without a header, or with coordinates of another kind, has its own columns.
+    # A table without a header, or with coordinates of another kind, has separate columns.
     placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(parsed, placed, strict=True)
     named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
@@ -108,7 +104,7 @@ def columns_of_each(
     for mapped, states in parsed:
         chosen = named if named and set(states) <= set(named) else states
         headers = maps | mapped
-        # Names of states in order, the others in front.
+        # Names of states in order, after all other names.
         names = [*(name for name in headers if name not in chosen), *chosen]
         items = tuple(f"{name}={headers[name]}" if name in headers else name for name in names)
         answer.append((items or None, tuple(name for name in maps if name not in mapped)))
@@ -118,8 +114,8 @@ def columns_of_each(
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """Parse the header of each mapped name, and the names of the state columns, in order.
 
-    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
-    named without ``=`` they are.
+    Edges of boxes, weights and entries of covariances are state columns only if they are named
+    without ``=``.
     """
     mapped: dict[str, str] = {}
     wanted: dict[str, None] = {}  # an ordered set
@@ -142,14 +138,14 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
 
 
 def has_patterns(options: ReadOptions) -> bool:
-    """Return whether columns are named by pattern, for each object its own."""
+    """Return whether columns are named by pattern."""
     return any(ID_MARK in item for item in options.columns or ())
 
 
 def ask(name: str, items: Sequence[str]) -> str:
-    """Return the option or argument that makes these items columns: ready to be pasted.
+    """Return the option or argument that names these columns, ready to be pasted.
 
-    `name` is that of the option, or nothing for a DataFrame.
+    `name` is the name of the option; blank for a DataFrame.
     """
     if name:
         from shlex import quote  # lazy: for messages only
@@ -161,24 +157,24 @@ def ask(name: str, items: Sequence[str]) -> str:
 
 
 Mix = tuple[tuple[int, float], ...]
-"""A quantity as columns times factors: the centre of a box is left + 0.5 width."""
+"""Quantity as a sum of columns times factors: the centre of a box is left + 0.5 width."""
 
 FIRST_ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
     "weight": ("weight", "w"),
 }
-"""Aliases in the order in which they are taken, before all others: case does not matter."""
+"""Aliases with priority over all other aliases, in order; case does not matter."""
 
 COORDINATE = (
     "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
     "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c "
     "pose_position_{0} pose_pose_position_{0}"
 )
-"""Aliases of each coordinate."""
+"""Template of the aliases of each coordinate."""
 
 EDGE = "{0}{1} bb_{0}{1} bbox_{0}{1} box_{0}{1}"
-"""Aliases of edges of boxes by two corners."""
+"""Template of the aliases of the edges of boxes by two corners."""
 
 HEADER_ALIASES = {
     name: tuple(aliases.split())
@@ -210,7 +206,7 @@ HEADER_ALIASES = {
         "weight": " ".join(FIRST_ALIASES["weight"]),
     }.items()
 }
-"""Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
+"""Aliases of each column; case, blanks, punctuation and a unit at the end do not matter."""
 
 METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
 LENGTHS = (
@@ -227,7 +223,7 @@ FRACTIONS = {
     **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
     **dict.fromkeys(("ms", "msec", "msecs", "millisec", "millisecs", "milliseconds"), 3),
 }
-"""Last words of headers that are the second part of a stamp whose first are seconds: digits."""
+"""Decimal places by the last word of a header, for columns with the fractions of seconds."""
 
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
 UNITS = {
@@ -236,22 +232,22 @@ UNITS = {
     **dict.fromkeys(("lat", "lon"), DEGREES),
     "alt": ("m", "meter", "meters", "metre", "metres"),
 }
-"""Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
+"""Units that may follow the name in a header; lat_rad is not a latitude in degrees."""
 
 HINTS = {
     "id": "id$|mmsi|track|trk|obj|target|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
-"""Words in headers to suggest for a column without an alias."""
+"""Patterns of headers that are suggested for a column without an alias."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
-"""Parts in which the two headers of a position differ."""
+"""Parts in which the two headers of a position may differ."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
     "^d?v|vel|speed|acc|size|std|cov|var|rho|sigma|err|min|max|width|height"
 )
-"""Words in headers of other quantities than ids, times and places."""
+"""Pattern of headers of quantities other than ids, times and positions."""
 
 
 GROUP = re.compile(
@@ -259,24 +255,24 @@ GROUP = re.compile(
     r"episode|run|trial|experiment|mission|game|play|match)(_?(id|no|name|key|token))?",
     re.IGNORECASE,
 )
-"""Headers of what ids may be numbered anew in."""
+"""Pattern of headers of groups, in each of which ids may be numbered from the beginning."""
 
 
 class Headers:
-    """The headers of one table.
+    """Headers of one table.
 
     Parameters
     ----------
     names : sequence of str
-        They, stripped.
+        Headers, without blanks at the ends.
     mapped : dict of str to str
-        Headers of columns that the user has named.
+        Headers that the user has mapped, by the name of the column.
     option : str
-        How the user names them, see `formats.headers.ask`.
+        Option with which the user names columns, see `formats.headers.ask`.
     where : str
-        Begins every message.
+        Beginning of messages.
     hidden : sequence of str
-        Headers that are taken where they are mapped alone.
+        Headers that are only used if they are mapped.
     """
 
     def __init__(
@@ -291,7 +287,7 @@ class Headers:
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
-            if header == first and first not in self.exact:  # it may begin like a comment
+            if header == first and first not in self.exact:  # the header begins like a comment
                 mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}
@@ -302,19 +298,19 @@ class Headers:
                 self.keyed.setdefault(key, []).append((k, unit))
 
     def spelt(self, header: str, name: str) -> int | None:
-        """Return the position of a header in any case; `name` is the column that it is for."""
+        """Return the position of a header in any case; `name` is the column in messages."""
         if header in self.exact:
             return self.exact[header]
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
     def find(self, name: str, *, plainly: bool = False) -> int | None:
-        """Find the position of a column: as mapped, by its name or, if not `plainly`, by an alias.
+        """Find the position of a column: as mapped, by its name or, unless `plainly`, by an alias.
 
         Raises
         ------
         InputError
-            Several headers may be it.
+            Several headers may be this column.
         """
         if name in self.mapped:
             return self.spelt(self.mapped[name], name)
@@ -331,7 +327,7 @@ class Headers:
         Raises
         ------
         InputError
-            There is none.
+            The table does not have the column.
         """
         column = None if name in self.mapped else self.spelt(name, name)
         column = self.find(name) if column is None else column
@@ -352,12 +348,12 @@ class Headers:
 
     @property
     def taken(self) -> set[int]:
-        """Positions that are something else: mapped to other columns, or hidden."""
+        """Positions of columns that are mapped or hidden."""
         mapped = {self.spelt(header, name) for name, header in self.mapped.items()}
         return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
-        """Yield a notice if unused headers may be a column as well as the one taken by an alias."""
+        """Yield a notice if unused headers may also be a column that was found by an alias."""
         if name in self.mapped or self.spelt(name, name) is not None:
             return
         position = self.find(name)
@@ -373,7 +369,7 @@ class Headers:
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
-        """Return the positions of all headers that may be a column, the most usual first."""
+        """Return the positions of all headers that may be a column, the usual alias first."""
         units = UNITS.get(name, ())
         places = (
             k
@@ -394,14 +390,14 @@ class Headers:
 
     @property
     def shown(self) -> str:
-        """The headers, if not too many."""
+        """List of the headers, shortened if there are many."""
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Guess the headers of missing columns by the words in them.
+        """Guess the headers of missing columns by their words.
 
-        `wanted` are their names, ``position`` is any two of the state; headers that are `used` are
-        something else.
+        `wanted` has the names of these columns; ``position`` means any two columns of the state.
+        `used` has the positions of headers with another role.
         """
         free = [
             name
@@ -425,7 +421,7 @@ class Headers:
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the two headers of seconds and fractions that are one time, such as secs and nsecs."""
+    """Return the headers of seconds and fractions of one time, as secs and nsecs."""
     words = {name: words_of(name) for name in names}
     whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
@@ -442,11 +438,11 @@ def words_of(header: str) -> list[str]:
 
 CLOSING = tuple(")]>}")
 IN_BRACKETS = re.compile(r"(.+?)[(\[<{]([^()\[\]<>{}]+).")
-"""Name and unit of a header that ends with a unit in brackets."""
+"""Pattern of a header with a name and a unit in brackets."""
 
 
 def _joined(header: str) -> str:
-    """Return a header as one word without case, blanks and punctuation."""
+    """Return a header as one word in lower case, without blanks and punctuation."""
     return "".join(re.findall(r"[^\W_]+", header)).casefold()
 
 
@@ -457,8 +453,8 @@ def _aliases(name: str) -> tuple[str, ...]:
 
 
 def _keys(header: str) -> Iterator[tuple[str, str]]:
-    """Yield the header as one word; if its last word may be a unit, also the rest and that unit."""
-    header = header.removeprefix("field.")  # rostopic echo -p writes it
+    """Yield a header as one word; if its last word may be a unit, also the rest and the unit."""
+    header = header.removeprefix("field.")  # rostopic echo -p writes this prefix
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
     if header.endswith(CLOSING) and (within := IN_BRACKETS.fullmatch(header)):
@@ -471,34 +467,46 @@ DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 
 
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
-    """Take back what is mapped to headers that another file may have; the message if none has.
+    """Remove mappings to missing headers that another file may have; return a message for each.
+
+    A message is for the case that all files lack the header.
 
     Raises
     ------
     InputError
-        A header is missing that this very file should have.
+        A header is missing that this file must have.
     """
     missing = {}
     spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
     points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
-    for name, header in list(headers.mapped.items()):
-        if headers.spelt(header, name) is None:
-            from difflib import get_close_matches  # lazy: for mistakes only
+    lost = {n: header for n, header in headers.mapped.items() if headers.spelt(header, n) is None}
+    if not lost:
+        return {}
+    from difflib import get_close_matches  # lazy: for mistakes only
 
-            near = next(iter(get_close_matches(header, headers.names, n=1)), None)
-            wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
-            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
-            known = (near or "HEADER").replace("\\", r"\\")
-            mended = [wrong.sub(rf"\g<1>{known}", item) for item in given]
-            remedy = ask(headers.option, mended)
-            fault = (
-                f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
-                f"{f'did you mean {remedy}?' if near else f'name one of these, {remedy}'}"
+    near = {
+        name: next(iter(get_close_matches(header, headers.names, n=1)), "HEADER")
+        for name, header in lost.items()
+    }
+    items = ["=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ()]
+    for name, header in lost.items():
+        wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
+        right = near[name].replace("\\", r"\\")
+        items = [wrong.sub(rf"\g<1>{right}", item) for item in items]
+    remedy = ask(headers.option, items)
+    for name, header in lost.items():
+        fault = (
+            f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
+            + (
+                f"name one of these, {remedy}"
+                if "HEADER" in near.values()
+                else f"did you mean {remedy}?"
             )
-            if name not in options.shared and not (points and name in spreads):
-                raise InputError(fault)
-            missing[name] = fault
-            del headers.mapped[name]
+        )
+        if name not in options.shared and not (points and name in spreads):
+            raise InputError(fault)
+        missing[name] = fault
+        del headers.mapped[name]
     return missing
 
 
@@ -507,7 +515,7 @@ def absent(
     needed: tuple[int | None, int | None],
     states: dict[str, Mix | None],
 ) -> str:
-    """Return the message about columns that are missing, with what to type."""
+    """Return the message about missing columns, with options that map them."""
     missing = [name for name, place in zip(("id", "t"), needed, strict=True) if place is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
@@ -517,7 +525,7 @@ def absent(
     if "position" in missing and "x" not in guesses:
         guesses |= {"x": "HEADER", "y": "HEADER"}
     named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
-    # What the user has mapped stays so, and so does the choice of states.
+    # The suggestion keeps the columns and states that the user has named.
     named |= headers.mapped
     if "id" in missing:
         free = [name for name in headers.names if not re.search(NO_HINT, name, re.IGNORECASE)]

@@ -1,6 +1,6 @@
-"""The bytes of a file, unpacked, and whether there is room for what is in them.
+"""Unpacked bytes of a file, and checks that there is enough memory for its content.
 
-Small files may unpack to anything: what reading takes is known before it is read.
+A small file may unpack to any size, so the needed memory is estimated before the content is read.
 """
 
 import io
@@ -18,18 +18,18 @@ from tgospa_eval.common.files import CHUNK, SETTINGS, STDIN, named, read_bytes
 from tgospa_eval.common.machine import available_memory
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 GIGABYTE = 1e9
 DEFAULT_GIGABYTES = 4.0
-"""GB that reading a far smaller file may take: some 20 million rows of four columns."""
+"""Memory in GB that reading a much smaller file may take: some 20 million rows of four columns."""
 
 UNPACKED = 300
-"""Times its own size that reading a file may take beyond that; recordings take 5 to 100 times."""
+"""Ratio of memory to file size above which the default limit holds; recordings have 5 to 100."""
 
 TABLE, TEXT = 6, 3
-"""Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
-million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
+"""Memory in bytes for each byte of a table of doubles, and of a text. Measured at 10 million rows:
+4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
 
 def more_memory() -> str:
@@ -38,30 +38,30 @@ def more_memory() -> str:
 
 
 MODEST = 1e8
-"""Bytes that are there on any machine: to ask takes longer than to read a small file."""
+"""Memory in bytes that any machine has; asking for it takes longer than reading a small file."""
 
 
 def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
-    """Check that there is memory for what a file unpacks to.
+    """Check that there is enough memory for the content of a file.
 
     Parameters
     ----------
     path : str
-        The file, for the message.
+        Path of the file, for the message.
     size : float
-        Bytes that reading takes.
+        Memory in bytes that reading takes.
     file : int
-        Bytes of the file.
+        Size of the file in bytes.
     limit : float, optional
-        GB that it may take, 0 for any; by default what is available, but no more than
-        `DEFAULT_GIGABYTES` where that is `UNPACKED` times the file and more.
+        Allowed memory in GB, 0 for any; by default the available memory, and at most
+        `DEFAULT_GIGABYTES` if reading takes more than `UNPACKED` times the size of the file.
     what : str
-        What is in the file.
+        Content of the file, for the message.
 
     Raises
     ------
     InputError
-        There is not.
+        Reading takes more memory than is allowed or available.
     """
     if limit == 0:
         return
@@ -84,13 +84,13 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
 
 
 def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
-    """Check the memory for the fields of a text, as `check_memory` does."""
+    """Check with `check_memory` that there is enough memory for the fields of a text."""
     size = len(data)
     check_memory(path, TEXT * size, size, limit, f"{size:,} bytes of text")
 
 
 def max_bytes(limit: float | None, path: str) -> int:
-    """Return the largest size of a file; the available memory matters for large ones alone."""
+    """Return the largest allowed size of a file; available memory matters only for large files."""
     if limit == 0:
         return sys.maxsize - 1
     if limit is not None:
@@ -104,19 +104,19 @@ def max_bytes(limit: float | None, path: str) -> int:
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
-"""Module of the standard library, or its backport."""
+"""Module for zstd in the standard library, or its backport."""
 
 GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
-"""Beginnings of the compressed files that are unpacked here."""
+"""First bytes of compressed files that are unpacked here."""
 
 PACKED_SUFFIXES = (".gz", ".gzip", ".zst", ".zstd")
 
 PACKED_FROM = 8
-"""Bytes that tell how a file is compressed."""
+"""Number of first bytes that show how a file is compressed."""
 
 
 def is_packed(data: bytes) -> bool:
-    """Return whether a file is compressed in a way that `unpack` knows."""
+    """Return whether a file is compressed in a way that `unpack` supports."""
     return data.startswith((GZIP_MAGIC, ZSTD_MAGIC))
 
 
@@ -126,16 +126,16 @@ def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
     Parameters
     ----------
     data, path
-        The file.
+        Bytes and path of the file.
     max_size : int
-        Bytes that a compressed file may have unpacked: a small one can have any number.
+        Largest size of the unpacked content in bytes; a small file can unpack to any size.
 
     Raises
     ------
     InputError
-        It is damaged, or unpacks to more.
+        The file is damaged, or its content is larger.
     ConfigError
-        The package that unpacks it is missing.
+        The package that unpacks the file is missing.
     """
     if not is_packed(data):
         return data
@@ -154,21 +154,21 @@ def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
 
 @contextmanager
 def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
-    """Open a file, unpacked while it is read if it is compressed.
+    """Open a file; a compressed file is unpacked while it is read.
 
     Parameters
     ----------
     place : str
-        Where the file is.
+        Path of the file.
     path : str
-        What it is called in messages.
+        Name of the file in messages.
 
     Raises
     ------
     InputError
-        It cannot be read, or is damaged.
+        The file cannot be read, or is damaged.
     ConfigError
-        The package that unpacks it is missing.
+        The package that unpacks the file is missing.
     """
     with named(path, InputError), open(place, "rb") as file, _content(file, path) as stream:
         yield stream
@@ -182,7 +182,7 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
     stream: Any = file
     faults: tuple[type[Exception], ...] = ()
     if head.startswith(GZIP_MAGIC):
-        import gzip  # lazy, as below: few files need it
+        import gzip  # lazy: few files are compressed
 
         stream, faults = gzip.GzipFile(fileobj=file), (OSError, EOFError, zlib.error)
     elif head.startswith(ZSTD_MAGIC):
@@ -199,12 +199,12 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
 
 
 def unreadable(path: str, kind: str, error: Exception) -> InputError:
-    """Return the message about a damaged file."""
+    """Return the error about a damaged file."""
     return InputError(f"{path}: not a readable {kind} file: {reason_of(error)}")
 
 
 def reason_of(error: Exception) -> str:
-    """Return the first line of an error."""
+    """Return the first line of the message of an error."""
     if isinstance(error, UnicodeDecodeError):
         return "a text that is not UTF-8; the file is damaged"
     return (str(error).splitlines() or [type(error).__name__])[0]
@@ -223,7 +223,7 @@ def load(path: str, max_size: int = SETTINGS) -> bytes:
     Raises
     ------
     InputError
-        It cannot be read.
+        The file cannot be read.
     """
     with named(path, InputError):
         try:
@@ -246,7 +246,7 @@ def load(path: str, max_size: int = SETTINGS) -> bytes:
 
 
 def _is_endless(path: str) -> bool:
-    """Return whether a path is a device such as /dev/zero; a terminal is not, its user ends it."""
+    """Return whether a path is an endless device such as /dev/zero; a terminal can be ended."""
     if path == STDIN:
         return False
     mode = os.stat(path).st_mode
@@ -259,7 +259,7 @@ def _is_endless(path: str) -> bool:
 
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
-    """Return the unpacked bytes of a file, as many as `max_input` GB allow for a text."""
+    """Return the unpacked bytes of a file, up to the size of a text that `max_input` GB allow."""
     data = load(path, max_bytes(max_input, path))
     if not is_packed(data):
         return data
@@ -267,7 +267,7 @@ def unpacked_file(path: str, max_input: float | None) -> bytes:
 
 
 def max_memory(file: int, limit: float | None) -> float:
-    """Return the bytes that reading a file may take, with a limit as of `check_memory`."""
+    """Return the memory in bytes that reading a file may take; `limit` is as in `check_memory`."""
     if limit is not None:
         return limit * GIGABYTE or sys.maxsize / 2
     allowed = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
@@ -280,10 +280,10 @@ def check_parquet(kind: str = "Parquet", begin: str = "") -> None:
     Raises
     ------
     ConfigError
-        It is not installed.
+        pyarrow is not installed.
     """
     try:
-        import pyarrow.parquet  # noqa: F401  (here: the extra may be missing)
+        import pyarrow.parquet  # noqa: F401  (lazy: the extra may be missing)
     except ModuleNotFoundError:
         raise ConfigError(
             f"{begin}{kind} files need the extra parquet: {install('parquet')}"

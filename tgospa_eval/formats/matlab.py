@@ -1,11 +1,11 @@
-"""Sets of trajectories in MAT files, as the published MATLAB code of the metric has them.
+"""Sets of trajectories in MAT files, in the form of the published MATLAB code and in other forms.
 
-A structure with ``tVec`` (n,), the first step of each trajectory, from 1 on; ``iVec`` (n,), their
-lengths; ``xState`` (d, T, n), the states by step, of which those within a trajectory count. NaN
-among these is a hole, in which the target is absent. Or arrays as of `formats.arrays`, in a
-structure or by themselves. Or cells by step, ``X{k}`` (d, n_k) with labels ``L{k}`` (l, n_k), as
-toolboxes of random finite sets have them. A cell or a structure array may have one of these in each
-element: the runs of a Monte Carlo study.
+The published code has a structure with ``tVec`` (n,), the first step of each trajectory, counted
+from 1; ``iVec`` (n,), its length; and ``xState`` (d, T, n), the states by step. Only states within
+a trajectory count, and NaN there means that the target is absent. A set may also be arrays of
+`formats.arrays`, in a structure or as variables. Or it may be cells by step, ``X{k}`` (d, n_k) with
+labels ``L{k}`` (l, n_k), as in toolboxes of random finite sets. A cell or a structure array may
+have one set in each element: the runs of a Monte Carlo study.
 """
 
 import io
@@ -41,29 +41,29 @@ from tgospa_eval.formats.loading import (
 )
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.quoting import listed, quoted
 
 Structure: TypeAlias = "dict[str, Value]"
 Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
-"""A structure by its fields, the elements of a cell, real numbers; None of anything else."""
+"""Fields of a structure, elements of a cell, or real numbers; None for anything else."""
 
 Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
-"""The variables of a file, which are taken apart when they are needed, with the sizes of arrays."""
+"""Variables of a file by name: sizes of an array, and a callable that reads the value."""
 
 Room = Callable[[int, str], None]
-"""Raises if there is none for so many bytes, of what."""
+"""Callable that receives a number of bytes and a description, and raises if memory is short."""
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process, and SciPy unpacks
-# as much as a file claims: so compressed data are unpacked here, as far as there is room.
+# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process. SciPy also unpacks
+# as much as a file claims, so compressed data are unpacked here, as far as memory allows.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
-"""Beginnings of files."""
+"""First bytes of a file of version 5."""
 
 TEXT_HEADER = 128
 DEFLATED = 15
-"""Type of an element that is compressed."""
+"""Type of a compressed element."""
 
 NUMERIC = (
     "single",
@@ -74,14 +74,14 @@ NUMERIC = (
 """Classes of arrays of numbers."""
 
 CELL_BYTES = 8
-"""Bytes that each element of a cell has at least."""
+"""Least number of bytes of each element of a cell."""
 
 INFLATED_BYTES = 1 << 24
-"""Bytes that are unpacked at a time."""
+"""Number of bytes that are unpacked at a time."""
 
 
 def _variables(data: bytes, room: Room) -> Variables:
-    """Return the variables of a file; a compressed one is unpacked when it is needed."""
+    """Return the variables of a file; a compressed variable is unpacked when it is used."""
     from scipy.io import whosmat
 
     room(len(data), "arrays")
@@ -107,7 +107,7 @@ def _variables(data: bytes, room: Room) -> Variables:
 def _read(
     header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
 ) -> Value:
-    """Read the only variable of a file; SciPy makes as many cells as the file claims to have."""
+    """Read a variable after a check of its size, as SciPy makes all cells that a file claims."""
     from scipy.io import loadmat
 
     if is_deflated:
@@ -118,7 +118,7 @@ def _read(
 
 
 def _file(header: bytes, element: bytes) -> Any:
-    """Return a MAT file of one variable."""
+    """Return a MAT file with one variable."""
     return io.BytesIO(header + element)
 
 
@@ -133,7 +133,7 @@ def _inflated(data: bytes, room: Room) -> bytes:
 
 
 def _value(item: Any) -> Value:
-    """Convert what SciPy has read."""
+    """Convert a value that SciPy has read."""
     if type(item) is not np.ndarray:  # sparse matrices, objects, functions
         return None
     if item.dtype.names is not None:
@@ -147,7 +147,7 @@ def _value(item: Any) -> Value:
 
 
 def _fields(element: Any) -> Value:
-    """Return a structure, or an element of a structure array."""
+    """Convert a structure, or an element of a structure array."""
     return {name: _value(element[name]) for name in element.dtype.names}
 
 
@@ -158,11 +158,11 @@ def _fields(element: Any) -> Value:
 MAT_73 = b"MATLAB 7.3 MAT-file"
 
 EMPTY, CLASS = "MATLAB_empty", "MATLAB_class"
-"""Attributes of HDF5."""
+"""Attributes of HDF5 for empty arrays and for classes of MATLAB."""
 
 
 def _elements(fields: Structure, group: Any) -> Value:
-    """Return a structure, or the elements of a structure array, whose fields are lists."""
+    """Return a structure, or the elements of a structure array if all fields are lists."""
     lists = {
         name: own
         for name, own in fields.items()
@@ -181,13 +181,13 @@ def _elements(fields: Structure, group: Any) -> Value:
 def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables]:
     """Open a file of version 7.3 and yield its variables by name."""
     try:
-        import h5py  # lazy: the extra may be missing, and other formats do without
+        import h5py  # lazy: the extra may be missing, and other formats do not need it
     except ModuleNotFoundError:
         raise ConfigError(
             f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
             "with -v7 in MATLAB"
         ) from None
-    # HDF5 gets the bytes, as reading a Python file object ends the process at times.
+    # HDF5 receives bytes, as reading a Python file object sometimes ends the process.
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fapl_core(backing_store=False)
     access.set_file_image(data)
@@ -197,7 +197,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         return isinstance(group.get(name, getlink=True), h5py.HardLink)
 
     def within(group: Any, name: str) -> Value:
-        """Read an item of the group itself: a structure, a cell or numbers; None elsewhere."""
+        """Read a structure, a cell or numbers of a group; return None for links."""
         return value(group[name], name) if is_here(group, name) else None
 
     def sizes(name: str) -> tuple[int, ...]:
@@ -235,10 +235,10 @@ TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
 
 VARIABLES = {"truth": ("X", "truth"), "estimate": ("Y", "est", "estimate")}
-"""Names in the published code and in toolboxes: the set to take if a file has several."""
+"""Names of the set to read if a file has several, as in the published code and in toolboxes."""
 
 STATES, LABELS = "X", ("L", "track_list")
-"""Cells with the states and the labels of each step."""
+"""Names of the cells with the states and the labels of each step."""
 
 
 def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -247,10 +247,10 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     Raises
     ------
     InputError
-        The file is no MAT file, or has no set of trajectories, or several; or both sides would be
-        the same one, and nobody asked for that.
+        The file is not a MAT file, or does not have exactly one suitable set of trajectories; or
+        both sides would be the same set, and neither path names it.
     ConfigError
-        h5py is not installed, and the file needs it.
+        The file needs h5py, which is not installed.
     """
     paths, files = options.beside, tuple(map(file_of, options.beside))
     is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
@@ -262,12 +262,12 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
-    """Return the names of all sets of trajectories: ``X``, and of a cell ``Y{1}``, ``Y{2}``, ...
+    """Return the names of all sets of trajectories: ``X``, and for a cell ``Y{1}``, ``Y{2}``, ...
 
     Raises
     ------
     InputError, ConfigError
-        As of `read_mat`.
+        An error of `read_mat`.
     """
     names: list[str] = _in_helper(_names, path, data, limit)
     return names
@@ -279,9 +279,9 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
     Raises
     ------
     InputError
-        It is no MAT file of these versions, damaged, or too large.
+        The file is not a MAT file of version 5 or 7.3, damaged, or too large.
     ConfigError
-        h5py is not installed, and the file needs it; or no process can be started.
+        The file needs h5py, which is not installed; or a process cannot be started.
     """
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
@@ -305,13 +305,13 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
 
 
 # -------------------------------------------------------------------------------------------------
-# Work of the helper process.
+# Functions for the helper process.
 
 ITSELF = GIGABYTE / 4
-"""Bytes that the process may take for itself."""
+"""Memory in bytes that the helper process may take in addition to the data."""
 
 MAX_INFLATED = 1032
-"""Times its own size that what is compressed may have unpacked."""
+"""Largest ratio of unpacked to compressed size."""
 
 
 def _choose(
@@ -323,7 +323,7 @@ def _choose(
     sides: tuple[tuple[str, str, str], ...],
     is_named: bool,
 ) -> tuple[str, Structure, list[str]]:
-    """Choose the variable to read; return it, its fields as far as they are arrays, and notices."""
+    """Choose the variable to read; return its name, its fields that are arrays, and notices."""
     with _sets(path, file, data, limit) as sets:
         name = sets.chosen(path, file, role)
         sets.check_sides(sides)
@@ -335,7 +335,7 @@ def _choose(
 
 
 def _names(path: str, file: str, data: bytes, limit: float | None) -> list[str]:
-    """Return the sets, each element of a cell by itself."""
+    """Return the names of the sets, with a name for each element of a cell."""
     with _sets(path, file, data, limit) as sets:
         return [
             run
@@ -351,14 +351,14 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
     Raises
     ------
     InputError
-        It is damaged, or too large.
+        The file is damaged, or too large.
     """
 
     def room(size: int, what: str) -> None:
         check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
     max_bytes = max_memory(len(data), limit)
-    if data.startswith(MAT_5):  # SciPy allocates whatever damaged data claim
+    if data.startswith(MAT_5):  # SciPy allocates the sizes that damaged data claim
         max_bytes = min(max_bytes, TABLE * MAX_INFLATED * len(data))
     limit_memory(int(max_bytes + ITSELF))
     try:
@@ -378,12 +378,12 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
 
 
 def _run(name: str, place: int) -> str:
-    """Return the name of an element of a cell, as MATLAB writes it."""
+    """Return the name of an element of a cell, in the notation of MATLAB."""
     return f"{name}{{{place}}}"
 
 
 def _is_set(value: Value) -> bool:
-    """Return whether this is a set of trajectories, in an element also the array of its states."""
+    """Return whether a value is a set of trajectories, or an array of states with three axes."""
     if not isinstance(value, dict):
         return isinstance(value, np.ndarray) and value.ndim > 2
     if isinstance(value.get(STATES), list):
@@ -402,7 +402,7 @@ def _by_step(fields: Structure, name: str) -> Structure:
     Raises
     ------
     InputError
-        States of a step are no d x n, have no label each, or two have the same.
+        States of a step are not d x n, a state has no label, or two states have the same label.
     """
     cells = {key: value for key, value in fields.items() if isinstance(value, list)}
     steps = [read() for read in cells[STATES]]
@@ -439,21 +439,21 @@ def _by_step(fields: Structure, name: str) -> Structure:
 
 
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
-    """Return the names of variables of states that have a third axis, or times beside them."""
+    """Return the names of variables of states that have a third axis or times."""
     kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
     return [name for name in named if len(sizes[name]) > 2 or "t" in kinds.values()]
 
 
 class _Sets:
-    """The sets of trajectories of a file: structures, and elements of cells.
+    """Sets of trajectories of a file: structures, elements of cells, and arrays.
 
     Parameters
     ----------
     file : str
-        Path of the file itself.
-    found : dict
-        Its variables.
+        Path of the file, without the name of a variable.
+    variables : Variables
+        Variables of the file.
     """
 
     def __init__(self, file: str, variables: Variables) -> None:
@@ -463,13 +463,13 @@ class _Sets:
 
     @cached_property
     def there(self) -> dict[str, int]:
-        """The variables that are sets: elements of a cell, 0 of a structure."""
+        """Number of elements of each variable that has sets; 0 for a variable that is one set."""
         counts = {name: self._count(name) for name in self.variables if name not in self.arrays}
         sets = {name: count for name, count in counts.items() if count is not None}
         return sets or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
-        """Return the number of elements of a cell of sets; 0 for a set, None for anything else."""
+        """Return the number of elements of a cell of sets; 0 for a set, None for others."""
         if name in self.arrays:
             is_timed = any(kind_of(k)[0] == "t" for k in self.arrays)
             return 0 if is_timed or len(self.arrays[name]) > 2 else None
@@ -484,7 +484,7 @@ class _Sets:
         Raises
         ------
         InputError
-            An element of a cell is something else.
+            An element of a cell is not a set of trajectories.
         """
         if name in self.arrays:
             known = kind_of(name)[0] in ("x", "particles")
@@ -503,12 +503,12 @@ class _Sets:
         return _by_step(value, name) if isinstance(value.get(STATES), list) else value
 
     def chosen(self, path: str, file: str, role: str) -> str:
-        """Return the set to read, ``X`` or ``Y{3}``: as the path names it, else by the role.
+        """Return the name of the set to read, ``X`` or ``Y{3}``: from the path, else by the role.
 
         Raises
         ------
         InputError
-            There is none of this name, or there are several and none is usual.
+            The file has no set of this name, or it has several sets without a usual name.
         """
         key = path[len(file) + 1 :]
         if not key:
@@ -546,12 +546,12 @@ class _Sets:
         return _run(name, int(place or 1))
 
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
-        """Check that both sides are not the same variable because neither is named.
+        """Check that both sides are different variables if the paths do not name them.
 
         Raises
         ------
         InputError
-            They are.
+            Both sides are the same variable.
         """
         if not sides:
             return
@@ -567,7 +567,7 @@ class _Sets:
             )
 
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
-        """Yield notices about variables that are not read, where none was named."""
+        """Yield notices about unused variables, and about the choice of an unnamed variable."""
         default = VARIABLES[role][0]
         if name in self.arrays:
             used = {name, *self.fields(name)}
@@ -584,15 +584,15 @@ class _Sets:
             yield f"variable {name}; {default} is {NO_SET}"
 
     def _firsts(self) -> list[str]:
-        """Return the names of the sets, for cells that of the first element."""
+        """Return the names of the sets; for a cell, the name of its first element."""
         return [_run(name, 1) if count else name for name, count in self.there.items()]
 
     def _all(self) -> str:
-        """Return a list of all variables, arrays with their sizes."""
+        """Return a list of all variables, with the sizes of arrays, for messages."""
         return listed([sized(name, self.arrays.get(name, ())) for name in self.variables])
 
     def _listed(self) -> str:
-        """Return a list of the sets, cells from their first element to their last."""
+        """Return a list of the sets, with the first and last element of cells, for messages."""
         ends = zip(self._firsts(), self.there.items(), strict=True)
         return listed(
             f"{first} to {_run(name, count)}" if count > 1 else first
@@ -643,7 +643,7 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
 
 
 def _whole(name: str, values: NDArray[np.generic]) -> Ints:
-    """Start steps or lengths as integers."""
+    """Convert first steps or lengths to integers."""
     numbers = values.astype(np.float64).ravel()
     if values.size and max(values.shape, default=1) != values.size:
         shape = " x ".join(map(str, values.shape))

@@ -1,9 +1,9 @@
-"""A side to `Reading`: a path by the format of its file, an object in memory by what it is.
+"""Readings of sides: files by their format, and objects in memory by their type.
 
-Objects are tables, arrays, mappings and sets of tracks; weights of steps are read as well.
+Objects are tables, arrays, mappings and sets of tracks. Weights of steps are read here as well.
 
-A reader yields `formats.rows.Rows`, the rows before anything is left out, or a DataFrame;
-`formats.assemble` makes a `Reading` of them.
+A reader of a format returns `formats.rows.Rows`, with the rows before any are left out, or a
+DataFrame. `formats.assemble` converts them to a `Reading`.
 """
 
 import os
@@ -30,7 +30,7 @@ from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import READER, option, quoted, spelled_for
+from tgospa_eval.quoting import READER, option, quoted, spelled_for
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 from tgospa_eval.tracks.weights import WeightsByTime, repeated
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 
 
 class ArrayLike(Protocol):
-    """A tensor of PyTorch or JAX, or another array: NumPy can see its numbers."""
+    """A tensor of PyTorch or JAX, or another array that NumPy can read."""
 
     def __array__(self) -> "np.ndarray[Any, Any]":
-        """Return the numbers."""
+        """Return the numbers as a NumPy array."""
 
 
 ALL_AXES = 4
@@ -64,20 +64,20 @@ TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequenc
 class TrackLike(Protocol):
     """A track or a ground-truth path of Stone Soup.
 
-    Its states have ``timestamp``, ``state_vector`` or ``mean``, and perhaps ``covar``.
+    States have ``timestamp``, ``state_vector`` or ``mean``, and perhaps ``covar``.
     """
 
     @property
     def id(self) -> object:
-        """The name of the track."""
+        """Name of the track."""
 
     @property
     def states(self) -> Sequence[Any]:
-        """Its states, in order."""
+        """States of the track, in order."""
 
 
 Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
-"""Components of state vectors to compare; for both sides, or a pair of such."""
+"""Components of state vectors to compare, for both sides or as a pair for the two sides."""
 
 
 def _rows_of_tracks(
@@ -87,21 +87,22 @@ def _rows_of_tracks(
     columns: tuple[str, ...] | None,
     mapping: Sequence[int] | None,
 ) -> Rows:
-    """Convert tracks and ground-truth paths of Stone Soup to a table of their attributes.
+    """Convert tracks and ground-truth paths of Stone Soup to rows, by their attributes.
 
-    Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
-    update after its prediction. Where covariances are read these are ``covar``, NaN where there is
-    none, or the particles that are the columns of ``state_vector``, with their ``weight``.
+    If a track has several states at one time, the last one counts, as with
+    ``last_timestamp_generator`` of Stone Soup: an update after its prediction. Covariances are
+    ``covar``, NaN where a state has none. Particles are the columns of ``state_vector``, with the
+    weights ``weight``.
 
     Raises
     ------
     ConfigError
-        Components are not chosen, or not there.
+        Components are not chosen, or do not exist.
     InputError
-        A state has no time, or is not of numbers; an id is a duplicate, or some states have
-        particles and others covariances.
+        A state has no time, or is not numeric; an id is a duplicate; or some states have particles
+        and others covariances.
     """
-    import pandas as pd  # lazy, as below: files do without
+    import pandas as pd  # lazy: slow to import, and most files do not need it
 
     from tgospa_eval.formats.frames import frame_rows
 
@@ -144,7 +145,7 @@ def _rows_of_tracks(
 
 
 State: TypeAlias = "tuple[str, Any, Floats, Cloud, Floats | None]"
-"""Id, time, mean, particles and covariance; one particle where there are none."""
+"""Id, time, mean, particles and covariance; a state without particles has one particle."""
 
 
 def _states_of_tracks(
@@ -193,7 +194,7 @@ def _states_of_tracks(
 
 
 def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
-    """Return the particles of a state (N, d) and their weights; one where it is a point."""
+    """Return the particles (N, d) of a state and their weights, which are equal by default."""
     points = numbers_of(state.state_vector, where)
     points = points.reshape(len(points), -1)[chosen].T
     weights = getattr(state, "weight", None)
@@ -206,14 +207,14 @@ def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
 
 
 class ArrowTable(Protocol):
-    """A table of Polars, pyarrow, DuckDB and others: it hands out its columns by Arrow."""
+    """A table of Polars, pyarrow, DuckDB and others, with columns in the Arrow interface."""
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         """Return the columns as an Arrow stream."""
 
 
 class NamedArray(Protocol):
-    """A DataArray or Dataset of xarray: its dimensions have names, and perhaps coordinates."""
+    """A DataArray or Dataset of xarray, whose dimensions have names and perhaps coordinates."""
 
     @property
     def dims(self) -> Any:
@@ -229,12 +230,12 @@ TrajectoriesLike: TypeAlias = (
     "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | NamedArray | str | "
     "os.PathLike[str]"
 )
-"""Forms of a side: Trajectories, a table in the long form, a path, an array (T, k, d) or such with
-its times, arrays by id, arrays of xarray, tracks of Stone Soup."""
+"""Forms of a side: Trajectories, a table in the long form, a path, an array (T, k, d), a pair of
+times and array, arrays by id, arrays of xarray, and tracks of Stone Soup."""
 
 
 Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
-"""One side, or its runs, each such a side (`runs_of`)."""
+"""One side, or several runs of it, each in a form of a side; see `runs_of`."""
 
 
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
@@ -243,12 +244,12 @@ def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
 
 
 def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
-    """Check that sides which only count their steps have as many; `names` are for messages.
+    """Check that sides without times have the same number of steps; `names` are for messages.
 
     Raises
     ------
     InputError
-        They do not.
+        The sides have different numbers of steps.
     """
     counted = [
         len(read.trajectories.times)
@@ -264,7 +265,7 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 
 
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
-    """Give sides without any track the columns of the other side, or the requested ones."""
+    """Return all sides; a side without tracks has the columns of the other side, or `columns`."""
     given = tuple(side for side in sides if side is not None)
     if len(given) == len(sides):
         return given
@@ -280,12 +281,12 @@ def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> 
 def components_of(
     given: Sequence[object], mapping: "Components | None"
 ) -> "list[Sequence[int] | None]":
-    """Return the components of state vectors to compare, of each side.
+    """Return the components of state vectors to compare, for each side.
 
     Raises
     ------
     ConfigError
-        They are no components, or no side has state vectors.
+        The mapping does not have components, or all sides have named columns.
     """
     if mapping is None:
         return [None] * len(given)
@@ -298,12 +299,12 @@ def components_of(
         return [[index(item) for item in side] for side in pair]
     except TypeError:
         raise ConfigError(
-            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of such"
+            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of these"
         ) from None
 
 
 def _is_tracks(side: object) -> bool:
-    """Return whether a side is a set of tracks of Stone Soup, or one of them."""
+    """Return whether a side is a track of Stone Soup, or a set of tracks."""
     if hasattr(side, "states"):
         return True
     if not isinstance(side, Collection) or isinstance(side, (str, Mapping, Trajectories)):
@@ -325,10 +326,10 @@ NAMED_AXES = {
     "N": ("particle", "sample"),
     "d": ("state", "component", "coordinate", "coord", "axis", "space", "dim", "xyz", "xy"),
 }
-"""Names of the axes of `formats.arrays`, in the singular, without a number at the end."""
+"""Names of the axes of `formats.arrays`, and of runs, in the singular and without a number."""
 
 ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
-"""The variable that has these axes, sorted."""
+"""Name of the variable by its axes in alphabetical order."""
 
 
 def _axis_of(dim: object, name: str) -> str:
@@ -337,14 +338,14 @@ def _axis_of(dim: object, name: str) -> str:
     Raises
     ------
     InputError
-        Its name is unknown.
+        The name of the dimension is unknown.
     """
     word = str(dim).lower().rstrip("_0123456789")
     for letter, words in NAMED_AXES.items():
         if word in words or word.removesuffix("s") in words:
             return letter
     known = ", ".join(words[0] for words in NAMED_AXES.values())
-    raise InputError(f"{name}: a dimension {quoted(str(dim))}; those of {known} are known")
+    raise InputError(f"{name}: a dimension {quoted(str(dim))}; known names are {known}")
 
 
 def _has_named_axes(side: object) -> bool:
@@ -354,19 +355,20 @@ def _has_named_axes(side: object) -> bool:
 def with_plain_axes(side: Any, name: str) -> Any:
     """Convert arrays with named axes to arrays by step and track; keep any other side.
 
-    A DataArray has states. Variables of a Dataset are states, covariances and particles by their
-    dimensions; without one of components each is a coordinate, or the weights by their name.
+    A DataArray has states. The dimensions of a variable of a Dataset show whether it has states,
+    covariances or particles. A variable without components is one coordinate, or weights if it has
+    such a name.
 
     Raises
     ------
     InputError
-        An axis has an unknown name, there are none of time, or runs that nobody asked for.
+        An axis has an unknown name, no axis is time, or an axis has several runs.
     """
     if not _has_named_axes(side):
         return side
     axes = {dim: _axis_of(dim, name) for dim in side.dims}
     if "T" not in axes.values() or "R" in axes.values():
-        what = "no time" if "T" not in axes.values() else "runs, which compare and batch take"
+        what = "no time" if "T" not in axes.values() else "runs, which compare and batch accept"
         raise InputError(f"{name}: dimensions {', '.join(map(str, axes))}: {what}")
     arrays: dict[str, Any] = {}
     columns: dict[str, Any] = {}
@@ -386,7 +388,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
             kind = "weights"
         if kind in arrays:
             raise InputError(
-                f"{name}: {key} is not the only variable of such dimensions; choose one"
+                f"{name}: {key} is not the only variable of these dimensions; choose one"
             )
         if kind or values.dtype.kind in "iuf":
             (arrays if kind else columns)[kind or str(key)] = values
@@ -404,15 +406,15 @@ def with_plain_axes(side: Any, name: str) -> Any:
 
 
 def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
-    """Return the runs of a Monte Carlo study by name, blank where unnamed; None for a single side.
+    """Return the runs of a Monte Carlo study with their names, or blanks; None for a single side.
 
-    They are a list of sides, an array (runs, T, k, d), a pair of times and such, an array of xarray
-    with the dimension ``run``, or a table with such a column, in the order of its values.
+    Runs are a list of sides, an array (runs, T, k, d), a pair of times and such an array, an array
+    of xarray with the dimension ``run``, or a table with the column ``run``, sorted by its values.
 
     Raises
     ------
     InputError
-        The column has a blank.
+        The column ``run`` has a blank.
     """
     if _has_named_axes(side):
         named_axes = cast("Any", side)
@@ -443,13 +445,13 @@ def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
 
 
 def is_empty(side: object) -> bool:
-    """Return whether a side has no track, and so no columns either."""
+    """Return whether a side is an empty collection, without tracks and columns."""
     kinds = (Mapping, Set, list, tuple)
     return isinstance(side, kinds) and not len(side)
 
 
 def _counts_steps(side: object) -> bool:
-    """Return whether the times of a side are only step numbers."""
+    """Return whether a side has only step numbers as times."""
     if isinstance(side, Mapping):
         is_timed = any(isinstance(value, tuple) for value in side.values())
         return not (is_timed or (is_variables(side) and any(kind_of(k)[0] == "t" for k in side)))
@@ -472,14 +474,14 @@ def read_object(
     columns: tuple[str, ...] | None = None,
     mapping: "Sequence[int] | None" = None,
 ) -> Reading:
-    """Read what is no path: tables, tracks and arrays row by row, the rest as a whole.
+    """Read an object in memory: tables, tracks and arrays row by row, other objects as a whole.
 
-    `name` begins the messages; `columns` are what the distance prescribes, if it does.
+    `name` begins the messages. `columns` are the state columns that the distance prescribes.
 
     Raises
     ------
     ConfigError, InputError
-        It is of no accepted type, or wrong; or options cannot be followed.
+        The object is of another type, its content is wrong, or it does not support an option.
     """
     frame = as_frame(side, name)
     if frame is not None:
@@ -498,7 +500,7 @@ def read_object(
         return assemble(rows, options, "")
     if options.of_tables:
         raise ConfigError(
-            f"{option(options.of_tables)} is for files and tables, and {name} is none: choose "
+            f"{option(options.of_tables)} is for files and tables, and {name} is neither: choose "
             "its rows and columns before"
         )
     if isinstance(side, Trajectories):
@@ -514,8 +516,8 @@ def read_object(
         lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
         raise ConfigError(
             f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
-            "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair of times "
-            "and such, a mapping from id to array, a set of tracks with states, or a path"
+            "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair "
+            "(times, array), a mapping from id to array, a set of tracks with states, or a path"
         )
     is_chosen = mapping is not None or made.columns == columns or len(made.columns) <= 3
     warnings = () if is_chosen else (all_compared(made.columns),)
@@ -523,7 +525,7 @@ def read_object(
 
 
 def has_rows(side: object, options: ReadOptions) -> bool:
-    """Return whether a side is read row by row, by its options."""
+    """Return whether a side is read row by row, by its type and options."""
     if isinstance(side, Trajectories):
         return False
     is_table = is_path(side) or as_frame(side, "") is not None
@@ -537,7 +539,7 @@ def _rows_of_arrays(
     columns: tuple[str, ...] | None,
     mapping: "Sequence[int] | None",
 ) -> Rows | None:
-    """Convert arrays to rows of a table; None for anything else."""
+    """Convert arrays to rows of a table; return None for any other object."""
     if is_timed_array(side):
         side = {"t": list(side[0]), "x": side[1]}
     elif hasattr(side, "__array__"):
@@ -549,7 +551,7 @@ def _rows_of_arrays(
 
 
 def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
-    """Select components of arrays, of pairs of times and arrays, or of such by id."""
+    """Select components of an array, of a pair of times and array, or of a mapping of these."""
     if isinstance(side, Mapping):
         return {key: _picked(value, mapping, name) for key, value in side.items()}
     if isinstance(side, tuple) and len(side) == 2:
@@ -559,13 +561,13 @@ def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":
-    """Return a table as a DataFrame, by Arrow if it is none; None if it is no table."""
+    """Return a table as a DataFrame, converted by Arrow if needed; None for other objects."""
     if hasattr(side, "iloc") and hasattr(side, "columns"):
         return cast("pd.DataFrame", side)
     if not hasattr(side, "__arrow_c_stream__"):
         return None
     try:
-        import pyarrow as pa  # lazy: the extra may be missing, and pandas does without
+        import pyarrow as pa  # lazy: the extra may be missing, and pandas does not need it
     except ModuleNotFoundError:
         raise ConfigError(
             f"{name}: tables that are not of pandas need the extra parquet: "
@@ -574,21 +576,21 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     try:
         frame: pd.DataFrame = pa.table(side).to_pandas()
     except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: no table that pandas can hold: {error}") from None
+        raise InputError(f"{name}: not a table that pandas can read: {error}") from None
     return frame
 
 
 # -------------------------------------------------------------------------------------------------
-# Arrays with times, and mappings of such.
+# Arrays with times, and mappings from id to these.
 
 
 def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
-    """Convert to a NumPy array: a tensor without its gradient, from its device.
+    """Convert to a NumPy array; a tensor is detached from its gradient and moved to the CPU.
 
     Raises
     ------
     InputError
-        NumPy cannot see it.
+        NumPy cannot read the object.
     """
     if isinstance(value, np.ndarray):
         return value
@@ -599,7 +601,7 @@ def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
         return np.asarray(tensor)
     except (TypeError, ValueError, RuntimeError) as error:
         text = " ".join(str(error).split())
-        raise InputError(f"{name}: no array that NumPy can see: {text}") from None
+        raise InputError(f"{name}: not an array that NumPy can read: {text}") from None
 
 
 def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajectories:
@@ -636,12 +638,12 @@ def is_timed_array(side: object) -> TypeGuard[tuple[Any, Any]]:
 def of_mapping(
     tracks: Mapping[object, object], name: str, columns: tuple[str, ...] | None
 ) -> Trajectories:
-    """Build trajectories from tracks by id: arrays (T, d), or pairs of times and such.
+    """Build trajectories from tracks by id: arrays (T, d), or pairs of times and array.
 
     Raises
     ------
     InputError
-        Shapes do not fit, some have times and others not, or an id is a duplicate.
+        Shapes do not fit, some tracks have times and others do not, or an id is a duplicate.
     """
     timed = {isinstance(value, tuple) for value in tracks.values()}
     if len(timed) > 1:
@@ -687,31 +689,31 @@ def from_rows(
     covariance: Floats | None = None,
     clouds: "Clouds | None" = None,
 ) -> Trajectories:
-    """Build trajectories from rows in any order; rows of NaN are absent, but keep their step.
+    """Build trajectories from rows in any order; a row with NaN is left out, and its step stays.
 
     Parameters
     ----------
     name : str
-        What messages begin with.
+        Beginning of messages.
     ids : sequence of k objects
-        Texts, numbers and the like.
+        Ids of the tracks: texts, numbers and similar values.
     at : pair of (R,) int arrays
         Positions in `times` and in `ids`.
     states : (R, d) array
         States.
     times : Times
-        Every one of them is a step, and they may repeat.
+        Times of the steps, which may repeat.
     columns : tuple of str, optional
-        Names of the d columns, where there are so many.
+        Names of the d columns; ignored if their number is not d.
     covariance, clouds : (R, d, d) array, Clouds, optional
         Covariances, or particles, of the states.
 
     Raises
     ------
     InputError
-        A state is infinite, or an id is none, or is a duplicate, also at one time.
+        A state is infinite, an id is not valid or a duplicate, or an id has two rows at one time.
     """
-    from tgospa_eval.formats.frames import id_text  # lazy: as pandas
+    from tgospa_eval.formats.frames import id_text  # lazy: imports pandas
     from tgospa_eval.formats.rows import number_ids
 
     table, number = number_ids([id_text(value, name) for value in ids])
@@ -748,7 +750,7 @@ def from_rows(
 
 
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
-    """Give the steps of trajectories these times, which may repeat."""
+    """Replace the times of trajectories; equal times become one step."""
     labels = None
     timestamps, step = np.unique(times.value, return_inverse=True)
     if times.text is not None:
@@ -775,9 +777,9 @@ def times_of(values: object, name: str) -> "Times":
     Raises
     ------
     InputError
-        One is no time, or they are of several kinds.
+        A value is not a time, or values are of several kinds.
     """
-    import pandas as pd  # lazy: arrays and files do without
+    import pandas as pd  # lazy: arrays and files do not need it
 
     from tgospa_eval.formats.frames import frame_times
 
@@ -803,7 +805,7 @@ def numbers_of(value: object, where: str) -> Floats:
     Raises
     ------
     InputError
-        They are none.
+        A value is not a number.
     """
     try:
         return as_doubles(value)
@@ -818,20 +820,20 @@ StepWeightsLike: TypeAlias = (
     "Mapping[Any, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
     "os.PathLike[str]"
 )
-"""Time to weight, a table ``t, weight[, switch_weight]``, an array (T,), a path."""
+"""Mapping from time to weight, table ``t, weight[, switch_weight]``, array (T,) or path."""
 
 GIVEN = "step_weights"
 
 
 def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> WeightsByTime | None:
-    """Convert any accepted form of the weights of steps; `decimal` is the mark in a file.
+    """Convert any supported form of the weights of steps; `decimal` is the mark in a file.
 
     Raises
     ------
     ConfigError
-        It is of no accepted type.
+        The weights are of an unsupported type.
     InputError
-        A time or a weight is none, or a time is a duplicate.
+        A time or a weight is not valid, or a time is a duplicate.
     """
     if given is None:
         return None
@@ -839,7 +841,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
         from tgospa_eval.formats.text.small import read_step_weights
 
         return read_step_weights(os.fspath(given), decimal)
-    import pandas as pd  # lazy: files do without
+    import pandas as pd  # lazy: files do not need it
 
     if isinstance(given, pd.Series):  # a mapping from its index
         given = dict(given.items())
@@ -861,7 +863,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
 
 
 def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
-    """Read the step weights in a table ``t, weight[, switch_weight]``."""
+    """Convert a table ``t, weight[, switch_weight]`` to weights of steps."""
     from tgospa_eval.formats.frames import frame_times
 
     columns = {str(name): frame[name] for name in frame.columns}
@@ -903,31 +905,31 @@ def read(
     columns: tuple[str, ...] | None = None,
     mapping: Sequence[int] | None = None,
 ) -> Reading:
-    """Read a side, a file or an object, with its notices.
+    """Read a side from a file or an object, with its notices.
 
     Parameters
     ----------
     side : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
-        The side; what was read before is returned.
+        The side; a `Reading` is returned as it is.
     options : ReadOptions, optional
-        How, and which rows.
+        Options of reading, and filters of rows.
     role : {"truth", "estimate"}
-        What the side is; formats of challenges mean different things by one column.
+        Role of the side; in formats of challenges some columns depend on it.
     format : str, optional
-        Of a file a key of `FORMATS`; by default guessed by name and content.
+        Format of a file, a key of `FORMATS`; by default guessed from name and content.
     name : str, optional
-        What messages call an object; by default its role.
+        Name of an object in messages; by default its role.
     columns : tuple of str, optional
-        Of an object the state columns that the distance prescribes.
+        State columns of the distance, for an object.
     mapping : sequence of int, optional
-        Of tracks with state vectors the components to compare.
+        Components to compare, for tracks with state vectors.
 
     Raises
     ------
     InputError
         The side is missing, unreadable or wrong; the message names line and column.
     ConfigError
-        An option is none of those allowed or not for such a side, or the package that reads the
+        An option is not allowed or not supported for such a side, or the package that reads the
         format is missing.
     """
     options = options or ReadOptions()
@@ -941,7 +943,7 @@ def read(
 def _read_file(
     path: str | os.PathLike[str], options: ReadOptions, role: str, format: str | None
 ) -> Reading:
-    """Read a file, by the reader of its format."""
+    """Read a file with the reader of its format."""
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, folder_format, guess
     from tgospa_eval.formats.headers import has_patterns
@@ -999,7 +1001,7 @@ def _read_file(
 
 
 WITHOUT_HEADER = ("motchallenge", "visdrone", "kitti", "tum", "yolo")
-"""Formats of text that are guessed by their numbers."""
+"""Text formats without a header, which are guessed from their numbers."""
 
 
 def runs_inside(path: str, max_input: float | None = None) -> list[str]:
@@ -1008,16 +1010,16 @@ def runs_inside(path: str, max_input: float | None = None) -> list[str]:
     Parameters
     ----------
     path : str
-        The file.
+        Path of the file.
     max_input : float, optional
-        As in `formats.ReadOptions`.
+        Option of `formats.ReadOptions`.
 
     Raises
     ------
     InputError
-        It is no such file.
+        The file is not a readable MAT file.
     ConfigError
-        The package that reads it is missing.
+        The package that reads the file is missing.
     """
     from tgospa_eval.formats.loading import unpacked_file
     from tgospa_eval.formats.matlab import names_of_runs

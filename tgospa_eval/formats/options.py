@@ -1,6 +1,6 @@
-"""Options of reading a file, and of selecting its rows. No format is known here.
+"""Options of reading a file and of selecting its rows, for all formats.
 
-Filters compare columns, ``score >= 0.5 and type != van``: they are parsed, never executed.
+Filters compare columns, ``score >= 0.5 and type != van``. They are parsed and never executed.
 """
 
 import math
@@ -19,7 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import Conversion, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ITEM = r"""("[^"]*"|'[^']*'|[^\s"'<>=!]+)"""
 ONE = re.compile(rf"\s*{ITEM}\s*([<>]=?|[!=]=)\s*{ITEM}\s*(?:\Z|(and)(?=\s))", re.IGNORECASE)
-"""A comparison, up to the end or to the word that joins it with the next."""
+"""Pattern of a comparison, up to the end or to the ``and`` before the next comparison."""
 
 COMPARED: dict[str, Callable[[Any, Any], Any]] = {
     "==": operator.eq,
@@ -43,19 +43,19 @@ COMPARED: dict[str, Callable[[Any, Any], Any]] = {
 
 
 Comparison = tuple[str, str, int | float | str]
-"""The header of a column or the name of its role, one of `COMPARED`, and what it is compared with:
-a text was in quotes, or is no number."""
+"""Header of a column or name of its role, one of `COMPARED`, and the value to compare with. A value
+is a text if it was in quotes or is not a number."""
 
 
 def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
-    """Return which rows fulfil a comparison; a blank does so with a text alone.
+    """Return which rows fulfil a comparison; a blank can only fulfil a comparison with a text.
 
-    `at` says where a row is, `way` what asks for this, for messages.
+    `at` returns the place of a row, and `way` is the option, for messages.
 
     Raises
     ------
     InputError
-        A value and what it is compared with are no numbers both, nor texts.
+        A number is compared with a text.
     """
     column, mark, value = comparison
     compare = COMPARED[mark]
@@ -79,8 +79,8 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
         if wrong:
             rows = np.flatnonzero(np.isin(values, wrong))
             raise InputError(
-                f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is no "
-                f"number as for {way}{more(len(rows))}; leave it blank, or compare texts, "
+                f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is not a "
+                f"number as in {way}{more(len(rows))}; leave it blank, or compare texts, "
                 f"{column} == '{value}'"
             )
         values = np.array([numbers[text] for text in values.tolist()], float)
@@ -89,16 +89,16 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """A filter: comparisons that all hold.
+    """A filter: a row passes if it fulfils all comparisons.
 
     Parameters
     ----------
     option : str
-        The option that it is of, ``--estimate-where``.
+        Option of the filter, such as ``--estimate-where``.
     text : str
-        As given.
+        Filter as it was given.
     comparisons : tuple of Comparison
-        They.
+        Comparisons of the filter.
     """
 
     option: str
@@ -107,11 +107,11 @@ class Where:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns that it looks at."""
+        """Columns that the filter compares."""
         return tuple(column for column, _, _ in self.comparisons)
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
-        """Return which rows pass the filter, by the values of each column; as `_fulfils`."""
+        """Return which rows pass the filter, by the values of each column; see `_fulfils`."""
         way = f"{self.option} {quoted(self.text)}"
         masks = (_fulfils(one, values[one[0]], at, way) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
@@ -123,7 +123,7 @@ def parse_where(texts: str | Iterable[str], keyword: str) -> tuple[Where, ...]:
     Raises
     ------
     ConfigError
-        One cannot be understood.
+        A filter cannot be understood.
     """
     each = (texts,) if isinstance(texts, str) else texts
     return tuple(
@@ -147,8 +147,8 @@ def _parsed(text: str, keyword: str) -> tuple[Comparison, ...]:
         value = given if number is None else number
         if isinstance(value, str) and mark not in ("==", "!="):
             raise ConfigError(
-                f"{keyword} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
-                f"by == and != alone; {option('time')} is for ranges of times"
+                f"{keyword} {quoted(text)}: {quoted(value)} is not a number, and texts are "
+                f"compared only by == and !=; {option('time')} is for ranges of times"
             )
         comparisons.append((column, mark, value))
         end, is_joined = match.end(), bool(match[4])
@@ -166,11 +166,11 @@ class TimeRange:
     Parameters
     ----------
     low, high : int, float or None
-        Numbers, or nanoseconds since 1970; None is open.
+        Ends as numbers, or as nanoseconds since 1970; None means no limit.
     clock : {"number", "local", "zoned"}
         Kind of time.
     text : str
-        As given.
+        Range as it was given.
     """
 
     low: int | float | None
@@ -179,12 +179,12 @@ class TimeRange:
     text: str
 
     def inside(self, times: TimeArray, clock: str, where: str) -> Mask:
-        """Return which of the times lie in the range; integers are compared exactly.
+        """Return which of the times are in the range; integers are compared exactly.
 
         Raises
         ------
         ConfigError
-            The times are of another kind.
+            The times are of another kind than the range.
         """
         if clock != self.clock and len(times):
             raise ConfigError(
@@ -201,12 +201,12 @@ class TimeRange:
 
 
 def parse_time_range(text: str | None) -> TimeRange | None:
-    """Parse a range ``A:B``; ISO times contain colons, so it splits where both halves parse.
+    """Parse a range ``A:B``; it splits where both halves parse, as ISO times contain colons.
 
     Raises
     ------
     ConfigError
-        It is no range, or its ends are of two kinds.
+        The text is not a range, its ends are of two kinds, or it ends before it begins.
     """
     if text is None:
         return None
@@ -229,14 +229,15 @@ def parse_time_range(text: str | None) -> TimeRange | None:
 
 
 def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
-    """Parse steps, ``FIRST:LAST[:EVERY]``; ISO times contain colons, so it splits where all parse.
+    """Parse steps ``FIRST:LAST[:EVERY]``; the text splits where all parts parse.
 
-    Those in the range of time alone, where one is asked for.
+    If a range of time is given, only the steps in the range are returned.
 
     Raises
     ------
     ConfigError
-        It is none, its ends are of two kinds, it ends before it begins, or none is in the range.
+        The text does not declare steps, its ends are of two kinds, it ends before it begins, or the
+        range has no step.
     """
     if text is None:
         return None
@@ -267,30 +268,30 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
-    """Yield all ways to split a text at colons into so many parts: times may contain colons."""
+    """Yield all ways to split a text at colons into `count` parts, as times may contain colons."""
     pieces = text.split(":")
     for at in combinations(range(1, len(pieces)), count - 1):
         yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """Return the class of this name, else the only one that differs in case alone."""
+    """Return the class of this name, else the only class with the name in another case, or None."""
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Return whether two names differ in upper and lower case at most."""
+    """Return whether two names are equal except for upper and lower case."""
     return name.casefold() == other.casefold()
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
-    """Parse the ranges ``x=-50:50,y=0:`` by column.
+    """Parse ranges such as ``x=-50:50,y=0:``; return them by column.
 
     Raises
     ------
     ConfigError
-        It cannot be understood.
+        A range cannot be understood.
     """
     ranges: dict[str, tuple[float, float]] = {}
     for item in () if text is None else text.split(","):
@@ -323,7 +324,7 @@ class ReadOptions:
     Parameters
     ----------
     columns : tuple of str, optional
-        State columns in order; an item ``"name=header"`` has the header of a name
+        State columns in order; an item ``"name=header"`` maps a name to a header
         (``"id=trk"``, ``"t=clock"``, ``"x=px"``). By default x, y, z as far as present, else
         lat, lon, else the centres of boxes.
     decimal : {".", ","}
@@ -331,76 +332,75 @@ class ReadOptions:
     on_duplicate : {"error", "first", "last"}
         What to do with a repeated (id, t).
     on_invalid : {"error", "drop"}
-        What to do with a row whose state is none: a box without a size, a place that the distance
-        does not know.
+        What to do with a row whose state is invalid: a box without a size, or a position that the
+        distance does not allow.
     boxes : bool
-        The states are the boxes themselves, left, top, width, height.
+        Whether the states are boxes: left, top, width, height.
     form : TimeForm, optional
-        How times are written, if they are neither numbers nor ISO, or of a zone.
+        Format and zone of the times, if they are not numbers or ISO times, or lack a zone.
     day_begins : float, optional
-        Times of day before this one are of the next day.
+        Time of day at which a day begins; earlier times are on the next day.
     time : str, optional
-        ``"A:B"``: steps from A to B, both included; either end may be blank.
+        Range ``"A:B"`` of the steps to read, ends included; either end may be blank.
     classes : tuple of str, optional
-        Rows of these classes.
+        Classes of the rows to read.
     also : tuple of str
-        Classes that a filter by class leaves in as well, as far as there are such.
+        Further classes that pass a filter by class.
     kept : tuple of str
-        Rules of the format itself that leave nothing out.
+        Rules of the format whose rows are not left out.
     regions : bool
-        The reading has the boxes that are no objects but regions.
+        Whether the reading has the boxes that are regions instead of objects.
     region : str, optional
-        ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
+        Ranges of the rows to read, ``"x=-50:50,y=0:100"``, ends included; either end may be blank.
     where : tuple of Where
-        Rows that fulfil all of these.
+        Filters that rows must pass.
     by_class : bool
-        The reading has the class of each row.
+        Whether the reading has the class of each row.
     class_for : str
-        The option that `by_class` is of, for messages; by default ``by``.
+        Option that sets `by_class`, for messages; by default ``by``.
     covariance : bool
-        Read covariances, if there are columns of such.
+        Whether to read covariances, if the file has columns of them.
     fix_covariance : bool
-        Replace what is no covariance by the nearest matrix that is.
+        Whether to replace an invalid covariance by the nearest valid matrix.
     missing_covariance : {"error", "zero"}
-        What a row with blank covariance is, where there are columns: wrong, or a point.
+        Whether a blank covariance is an error or means a point, if the file has such columns.
     clouds : bool
-        A column of weights makes rows particles, also where no (id, t) is repeated.
+        Whether a column of weights makes rows particles, also if no (id, t) is repeated.
     fault : callable, optional
-        Of names of state columns and states (d, R): which are out of range in a column, the column,
-        and what is wrong with the first.
+        Callable that receives names of state columns and states (d, R). It returns the states that
+        are out of range in a column, the column, and a message about the first, or None.
     attributes : tuple of str
-        Further columns to read, as far as the file has them: see `Trajectories.attributes`.
+        Further columns to read, if the file has them; see `Trajectories.attributes`.
     numbered : bool
-        The rows have the attribute `ROW`, their place in the file.
+        Whether rows have the attribute `ROW`, their position in the file.
     conversion : Conversion
-        From the stamps and states of the file to those that take part; `time` and `region` are in
-        the units of these.
+        Conversion of the timestamps and states of the file; `time` and `region` are in the new
+        units.
     max_input : float, optional
-        GB of memory that reading may take, 0 for any; by default 4, or what is available.
+        Memory in GB that reading may take, 0 for any; by default 4, or the available memory.
     shared : tuple of str
-        Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
-        header, it is read by the usual names, and without a filter by class.
+        Names in `columns`, or ``"class"``, that were given for several files. A file without such a
+        header is read by the usual names, and without a filter by class.
     placed : tuple of str
-        Names of the columns of a table without a header, in order, where they were given.
+        Names of the columns of a table without a header, in order.
     hidden : tuple of str
-        Headers that are no part of a state unless they are mapped: those of a place that is not
-        known in any row.
+        Headers of unknown positions, which are part of a state only if they are mapped.
     heights : {"", "tell", "use"}
-        Of places on the Earth and of ranges, where the user named no states: whether a column of
-        heights or elevations is looked for, and is part of the state.
+        Whether to look for a column of heights or elevations, and whether it is part of the state,
+        for positions on the Earth and ranges if the user named no states.
     beside : tuple of str
-        Paths of the files of the same evaluation: one may have what another needs.
+        Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str
-        What these files are.
+        Roles of these files.
     option : str
-        What messages call `columns`, see `formats.headers.ask`.
+        Name of `columns` in messages, see `formats.headers.ask`.
     of_tables : str
-        An option in use that only what has rows and headers can follow; blank if there is none.
+        Option in use that needs rows and headers; blank if no such option is in use.
 
     Raises
     ------
     ConfigError
-        A value is none of these.
+        A value is not allowed.
     """
 
     columns: tuple[str, ...] | None = None
@@ -456,23 +456,23 @@ class ReadOptions:
         parse_region(self.region)
 
     def with_paths(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
-        """Return these options with the paths that are read together; nothing is checked again."""
+        """Return these options with the paths that are read together, without another check."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)
         return same
 
     @property
     def time_range(self) -> TimeRange | None:
-        """`time`, understood."""
+        """Range of time that `time` means."""
         return parse_time_range(self.time)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """`region`, understood."""
+        """Ranges of columns that `region` means."""
         return parse_region(self.region)
 
     def filters(self) -> Iterator[tuple[str, str | float | list[str]]]:
-        """Yield the filters in use, and where a day begins, by the names of their options."""
+        """Yield the filters in use, and the begin of a day, by the names of their options."""
         for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
             if value is not None:
                 yield name, list(value) if isinstance(value, tuple) else value
@@ -484,7 +484,7 @@ class ReadOptions:
             yield "by", "class"
 
     def covariances(self) -> Iterator[tuple[str, bool | str]]:
-        """Return the options of covariances, by name."""
+        """Yield the options of covariances, by name."""
         if self.covariance:
             yield "fix_cov", self.fix_covariance
             yield "missing_cov", self.missing_covariance

@@ -1,4 +1,4 @@
-"""Rows with weights as particles: the rows of one (id, t) are one cloud."""
+"""Rows with weights as particles: the rows with the same (id, t) are one cloud."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import BLANK
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
 
 RULE = "weights must be >= 0 and not all zero"
@@ -16,20 +16,20 @@ RULE = "weights must be >= 0 and not all zero"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Particles:
-    """Rows of a file that are particles, and the cloud of each.
+    """Rows of a file that are particles, with the cloud of each row.
 
     Parameters
     ----------
     weights : (R,) float array
-        Of each row, those of a cloud with the sum 1; 0 where it does not take part.
+        Weight of each row, with the sum 1 in each cloud; 0 for rows that do not take part.
     cloud : (R,) int array
-        Number of the cloud of each row; any where it does not take part.
+        Number of the cloud of each row; any number for rows that do not take part.
     uneven : int
-        Clouds whose weights as written do not sum to 1.
+        Number of clouds whose weights in the file do not sum to 1.
     worst : float
-        That sum which is farthest from it.
+        Sum of the weights of a cloud that is farthest from 1.
     idle : int
-        Rows of weight 0.
+        Number of rows with weight 0.
     """
 
     weights: Floats
@@ -39,19 +39,19 @@ class Particles:
     idle: int
 
     def means(self, values: Floats) -> Floats:
-        """Return for each row the weighted mean (R, n) of its cloud, from values (R, n) of rows."""
+        """Return the weighted mean (R, n) of the cloud of each row, from values (R, n) of rows."""
         sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
     def clouds(
         self, rows: Rows, state: Floats, taken: Ints, ordered: Ints
     ) -> tuple[Clouds, Ints, Ints]:
-        """Return the clouds of some rows, the first row of each, and its key; rows sorted by key.
+        """Return the clouds of some rows, sorted by key, and the first row and key of each cloud.
 
         Raises
         ------
         InputError
-            A particle is so far away that its square is no number.
+            A particle is so far away that its square is not a double.
         """
         weighs = self.weights[taken] > 0
         taken, ordered = taken[weighs], ordered[weighs]
@@ -71,7 +71,7 @@ class Particles:
         return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """Return notices about the clouds; `compared`: whether particles enter the distance."""
+        """Return notices about the clouds; `compared`: whether the distance compares particles."""
         texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
@@ -89,12 +89,12 @@ class Particles:
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
-    """Build the clouds of the rows; None if no cloud has two particles, unless `always`.
+    """Build the clouds of the rows; without `always` return None if no cloud has two particles.
 
     Raises
     ------
     InputError
-        A weight is no number, blank, infinite or negative, or all weights of a cloud are zero.
+        A weight is not a number, blank, infinite or negative, or all weights of a cloud are zero.
     """
     used = np.flatnonzero(mask)
     distinct, number = np.unique(key[used], return_inverse=True)

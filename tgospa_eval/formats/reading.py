@@ -1,6 +1,6 @@
 """Trajectories of a file, with notices and warnings about how they were read.
 
-Regions in which estimates are not judged are shapes of the plane, of an image or of the Earth.
+Regions in which estimates are not evaluated are shapes in the plane, in an image or on the Earth.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
@@ -29,11 +29,11 @@ SHAPES = {
     CAP: (*PLACES, "radius"),
     POLYGON: ("polygon",),
 }
-"""Columns of each shape; a polygon of GeoJSON has its corners as x, y or lon, lat."""
+"""Columns of each shape; the corners of a polygon of GeoJSON are x, y or lon, lat."""
 
 
 FARTHEST = 1e150
-"""Largest coordinate or size, so that areas are doubles."""
+"""Largest coordinate or size; areas of larger boxes overflow a double."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,17 +45,17 @@ class Shape:
     kind : str
         One of `SHAPES`, or ``"geojson"``.
     rings : tuple of array
-        Of a polygon the corners (n, 2) of its edge and of its holes; otherwise the numbers of the
-        columns, one array.
+        Corners (n, 2) of the edge and of the holes of a polygon; for other shapes one array with
+        the numbers of the columns.
     where : str
-        Where it was read, for messages.
+        Place in the file, for messages.
     moment : int or float, optional
-        Its time, as in `Trajectories`; None is all.
+        Time of the region, as in `Trajectories`; None means all times.
 
     Raises
     ------
     InputError
-        It has no area, or a number is too large for one.
+        The region has no area, or a number is too large.
     """
 
     kind: str
@@ -65,7 +65,7 @@ class Shape:
 
     def __post_init__(self) -> None:
         if not all((np.abs(ring) <= FARTHEST).all() for ring in self.rings):
-            raise InputError(f"{self.where}: a number beyond {FARTHEST:g}, or none")
+            raise InputError(f"{self.where}: a number beyond {FARTHEST:g}, or not a number")
         if self.kind in (POLYGON, GEOJSON):
             for ring in self.rings:
                 if np.linalg.matrix_rank(ring - ring[0]) < 2:
@@ -85,19 +85,19 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regions:
-    """Regions of all steps, or of one each.
+    """Regions at all steps, or at one step each.
 
     Parameters
     ----------
     shapes : tuple of Shape
-        What they are.
+        Shapes of the regions.
     clock : {"number", "local", "zoned"}
-        What their times are.
+        Kind of the times of the regions.
     name : str
-        Where they come from, for messages.
+        Source of the regions, for messages.
     origin : tuple of float, optional
-        Where states are along local axes: latitude, longitude and height of their origin. Circles
-        on the Earth and GeoJSON are converted to these axes.
+        Latitude, longitude and height of the origin, if states are along local axes. Circles on the
+        Earth and GeoJSON are converted to these axes.
     """
 
     shapes: tuple[Shape, ...]
@@ -107,7 +107,7 @@ class Regions:
 
     @property
     def sha256(self) -> str:
-        """A digest of where and when they are."""
+        """Digest of the shapes and times of the regions."""
         sha = hashlib.sha256(self.clock.encode())
         for shape in self.shapes:
             rings = [unsigned_zeros(ring).tolist() for ring in shape.rings]
@@ -118,45 +118,46 @@ class Regions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """Trajectories of a file, and what the user should know about how they were read.
+    """Trajectories of a file, with messages about how they were read.
 
     Parameters
     ----------
     trajectories : Trajectories
-        What takes part in the evaluation.
+        Trajectories that take part in the evaluation.
     rows : int
-        Rows of the file, the header not counted.
+        Number of rows of the file, without the header.
     notices : tuple of str
-        One sentence each.
+        Notices, one sentence each.
     warnings : tuple of Notice
-        What was repaired.
+        Warnings, such as about repaired data.
     left_out : dict
-        How many rows do not take part, by the rule or option that left them out.
+        Number of left-out rows by the rule or option that left them out.
     format : str
-        How the file was read.
+        Format as which the file was read.
     classes : tuple of str
-        Names of the classes that take part, if `ReadOptions.by_class` asks for them.
+        Names of the classes that take part, if `ReadOptions.by_class` is set.
     klass : (R,) int array, optional
         Position in `classes` of each row of the trajectories.
     named : tuple of str
-        Classes of all rows of the file, if they were asked for.
+        Classes of all rows of the file, if classes were requested.
     missing : dict of str to str
-        Columns of `ReadOptions.shared` that the file lacks, each with the message if all files do.
+        Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
+        files lack the column.
     headers : dict of str to str
-        Headers of the columns that have other names here.
+        Headers of columns that have other names in the file.
     centres : bool
-        The states are centres of boxes.
+        Whether the states are centres of boxes.
     pixels : bool
-        They are in an image, by the rules of the format.
+        Whether the centres are in an image, by the rules of the format.
     idle : tuple of str
-        Headers of states that are the same in all rows, as if the position were not known.
+        Headers of states that are the same in all rows, as unknown positions are.
     hidden : tuple of str
-        Such headers that were skipped, as other columns of positions were read.
+        Headers of unknown positions that were skipped, as other columns of positions were read.
     height : str
         Header of heights or elevations that are left out.
     regions : Regions, optional
-        Boxes of the file that are no objects but regions in which nothing is judged, if
-        `ReadOptions.regions` asks for them.
+        Boxes of the file that are regions without evaluation instead of objects, if
+        `ReadOptions.regions` is set.
     """
 
     trajectories: Trajectories
@@ -179,26 +180,26 @@ class Reading:
 
     @property
     def record(self) -> dict[str, Any]:
-        """Entries of the file in the result."""
+        """Record of the file in the result."""
         counts = {"rows": self.rows, "left_out": self.left_out}
         return counts | ({"format": self.format} if self.format else {})
 
     @property
     def taken(self) -> int:
-        """Rows that take part."""
+        """Number of rows that take part."""
         return len(self.trajectories.step)
 
     def has_class(self, name: str) -> bool:
-        """Return whether there are rows of a requested class."""
+        """Return whether the file has rows of a requested class."""
         return class_named(name, self.named) is not None
 
     def warn(self) -> Trajectories:
-        """Return the trajectories, and issue a Python warning for each of its own."""
+        """Return the trajectories, and issue their warnings as Python warnings."""
         warn_user(self.warnings)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:
-        """Return the rows of one class, on the times of the whole file."""
+        """Return the rows of one class, with the times of the whole file."""
         whole = self.trajectories
         if self.klass is None or name not in self.classes:
             rows = np.zeros(0, np.int64)
@@ -208,14 +209,14 @@ class Reading:
 
 
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
-    """Read a side; if its positions are the same in all rows, by other columns if it has any.
+    """Read a side; if its positions are unknown in all rows, read other columns of positions.
 
     Parameters
     ----------
     read_by : callable
-        Reads the side.
+        Callable that receives options and reads the side.
     options : ReadOptions
-        The options.
+        Options of reading.
     """
     reading = read_by(options)
     if not reading.idle or options.hidden:
@@ -225,13 +226,13 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
         other = read_by(replace(options, hidden=reading.idle))
         if other.taken and not other.idle:
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
-            text = f"{fault}, no known place: {place} are compared"
+            text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
     if not (reading.trajectories.state == -1).all():  # some scenes have only -1
         return reading
     warning = Notice(
         code="no-place",
-        text=f"{fault}, as of a place that is not known",
+        text=f"{fault}, as of an unknown position",
         remedy=f"name the columns of places, {option('columns', 'x=HEADER,y=HEADER')}",
     )
     return replace(reading, warnings=(*reading.warnings, warning))
@@ -242,16 +243,18 @@ def by_one_place(
     options: Sequence[ReadOptions],
     again: Sequence[Callable[[ReadOptions], Reading] | None],
 ) -> list[Reading | None]:
-    """Read all sides by one kind of place, where `by_place` chose others; warn where none fits.
+    """Read all sides by the same columns of positions, if `by_place` changed those of one side.
+
+    If that is not possible, each side with other columns has a warning.
 
     Parameters
     ----------
     sides : sequence of Reading or None
-        As they were read.
+        Sides as they were read.
     options : sequence of ReadOptions
-        How each was.
+        Options of reading of each side.
     again : sequence of callable or None
-        Each reads its side again, by other options; None where that is not possible.
+        Callables that receive options and read the side again; None if that is not possible.
     """
     there = [one for one in sides if one is not None]
     hidden = tuple(sorted({name for one in there for name in one.hidden}))
@@ -290,23 +293,24 @@ def with_heights(
     local: bool,
     distance: str,
 ) -> list[Reading | None]:
-    """Add heights to the sides where all have some; add a notice where one has.
+    """Add heights to the states if both sides have heights; add a notice if only one side has.
 
     Parameters
     ----------
     sides, options, again : sequences
-        As of `by_one_place`.
+        Parameters of `by_one_place`.
     names : sequence of str
-        What messages call the sides.
+        Names of the sides in messages.
     local : bool
-        Places on the Earth are brought to local axes, where a height also moves them sideways.
+        Whether positions on the Earth are converted to local axes, where a height also moves them
+        sideways.
     distance : str
         Name of the distance.
 
     Raises
     ------
     ConfigError
-        All have heights, and the distance knows none.
+        All sides have heights, and the distance does not support heights.
     """
     there = [one for one in sides if one is not None]
     headers = [one.height for one in there]
@@ -340,9 +344,9 @@ def with_heights(
 
 
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
-    """Give both sides zoned times, where one has them and the other counts since 1970.
+    """Convert numbers since 1970 to zoned times if the other side has zoned times.
 
-    That is seen by their size, and a notice says so.
+    The size of the numbers shows whether they are times since 1970, and a notice names the unit.
     """
     clocks = [side.trajectories.clock for side in sides]
     if sorted(clocks) != ["number", "zoned"] or not all(len(s.trajectories.times) for s in sides):
@@ -360,12 +364,12 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
 
 
 def check_heights(headers: Sequence[str], distance: str) -> None:
-    """Check that both sides have heights, if the distance compares them.
+    """Check that the distance supports the heights of both sides.
 
     Raises
     ------
     ConfigError
-        It does not.
+        The distance does not support heights.
     """
     if distance == "haversine":
         raise ConfigError(
@@ -376,7 +380,7 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
 
 
 def heights_notice(header: str, options: ReadOptions) -> str:
-    """Return a notice about heights that are compared."""
+    """Return the notice that heights are compared."""
     return (
         f"heights are compared ({header}); "
         f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
@@ -384,7 +388,7 @@ def heights_notice(header: str, options: ReadOptions) -> str:
 
 
 def left_out_heights(header: str, other: str) -> str:
-    """Return a notice about heights that only one side has."""
+    """Return the notice that heights of one side are left out, as the other side has none."""
     return f"heights ({header}) are left out: {other} has none"
 
 
@@ -394,23 +398,23 @@ def check_classes(
     classes: Sequence[str] | None,
     each: Sequence[ReadOptions],
 ) -> None:
-    """Check that there are rows of every requested class.
+    """Check that the sides have rows of every requested class.
 
     Parameters
     ----------
     sides : sequence of Reading
         Truth and estimate.
     paths : sequence of str
-        Where they are.
+        Paths of the sides.
     classes : sequence of str, optional
-        Those asked of both.
+        Classes that are requested for both sides.
     each : sequence of ReadOptions
-        With those of each.
+        Options of each side, which may have other classes.
 
     Raises
     ------
     ConfigError
-        There is none of one, or it is not clear which is meant.
+        A class has no rows, or it is not clear which class is meant.
     """
     requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):

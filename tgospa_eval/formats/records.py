@@ -1,7 +1,7 @@
-"""JSON: flat records in a list or on lines, and annotations of COCO with tracks. And Excel.
+"""Readers of JSON (flat records, annotations of COCO with tracks), of Excel, and of nuScenes.
 
-nuScenes has annotations as the tables of a folder, results as the JSON of a tracking submission.
-Results name samples by tokens; when these were, and of which scene, is in the tables alone.
+Annotations of nuScenes are the tables of a folder, and results are the JSON file of a tracking
+submission. Results name samples by tokens. The times and scenes of samples are only in the tables.
 """
 
 import io
@@ -24,15 +24,15 @@ from tgospa_eval.formats.loading import TABLE, check_memory, load, max_bytes, un
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 
 Record = dict[str, Any]
 
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
-"""Keys of images that number the frames of a video."""
+"""Keys of images for the number of the frame in a video."""
 
 MAX_LEVELS = 4
-"""Levels of records that become columns."""
+"""Largest depth of nested records that become columns."""
 
 
 def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
@@ -41,7 +41,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     Raises
     ------
     InputError
-        It is no such file.
+        The file does not have such records.
     """
     document = _document(path, data, options)
     if b"\\u" in data and not is_unicode(json.dumps(document, ensure_ascii=False)):
@@ -68,7 +68,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _by_key(document: Any) -> Any:
-    """Flatten lists of records by frame or by object; the key is their time or id."""
+    """Flatten lists of records by frame or by object; the key of a list is the time or id."""
     lists = document if isinstance(document, dict) else {}
     if not lists or not all(map(_are_records, lists.values())):
         return document
@@ -78,7 +78,7 @@ def _by_key(document: Any) -> Any:
 
 
 def _unnested(records: list[Record]) -> list[Record]:
-    """Flatten records that hold one list of records each, as of a frame."""
+    """Flatten records that have one list of records each, such as frames with objects."""
     lists = {name for record in records for name, value in record.items() if _are_records(value)}
     if len(lists) != 1:
         return records
@@ -95,7 +95,7 @@ def _are_records(value: object) -> bool:
 
 
 def _document(path: str, data: bytes, options: ReadOptions) -> Any:
-    """Parse the document in a file, or the list of records that are a line each."""
+    """Parse the document in a file, or a list of records with one record in each line."""
     lines = data.splitlines()
     first = next((line for line in lines if line.strip()), b"").strip()
     if not (first.startswith(b"{") and first.endswith(b"}") and len(lines) > 1):
@@ -105,7 +105,7 @@ def _document(path: str, data: bytes, options: ReadOptions) -> Any:
 
 
 def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
-    """Return the document of the other side, if it has the images that the results refer to."""
+    """Return the document of the other side, which must have the images of the results."""
     for other in options.beside:
         if other != path and os.path.isfile(other):
             limit = max_bytes(options.max_input, other)
@@ -124,7 +124,7 @@ def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
 def _of_coco(
     path: str, records: list[Record], document: Mapping[str, Any], options: ReadOptions
 ) -> list[Record]:
-    """Convert the records of COCO to those of a table."""
+    """Convert the records of COCO to records of a table."""
     try:
         images = {image["id"]: image for image in document["images"]}
         times = _times(path, images, options)
@@ -145,7 +145,7 @@ def _of_coco(
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{path}: no annotations of COCO: {type(error).__name__}: {error}; each has image_id, "
+            f"{path}: not annotations of COCO: {type(error).__name__}: {error}; each has image_id, "
             "track_id and bbox, and each image an id"
         ) from None
     if all(row["id"] is None for row in rows) and rows:
@@ -154,17 +154,17 @@ def _of_coco(
 
 
 def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dict[Any, Any]:
-    """Return the time of each image by its id: its frame number, else its id if ids are in turn.
+    """Return the time of each image by its id: the frame number, else the id if ids are in order.
 
     Raises
     ------
     InputError
-        There are several videos, or it is not known which image is before which.
+        The images are of several videos, or their order is unknown.
     """
     videos = list(dict.fromkeys(str(image.get("video_id")) for image in images.values()))
     if len(videos) > 1 and options.classes is None and not options.by_class:
         raise InputError(
-            f"{path}: {len(videos)} videos ({listed(videos)}), which are no one recording; "
+            f"{path}: {len(videos)} videos ({listed(videos)}), which are not one recording; "
             f"{option('columns', 'class=video_id')} {option('class_', metavar='VIDEO')} reads "
             "one, or write a file for each"
         )
@@ -181,12 +181,12 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
 
 
 def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of a spreadsheet, where openpyxl is installed.
+    """Read the table of a spreadsheet, if openpyxl is installed.
 
     Raises
     ------
     InputError
-        It is not, or the file has several tables, or is damaged.
+        openpyxl is not installed, or the file has several tables or is damaged.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
@@ -199,7 +199,7 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
         ) from None
     except InputError:
         raise
-    except Exception as error:  # damage may raise anything
+    except Exception as error:  # damaged files raise errors of many kinds
         raise unreadable(path, "Excel", error) from None
     tables = {name: page for name, page in pages.items() if len(page.columns)}
     if len(tables) != 1:
@@ -211,10 +211,10 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
 
 
 JSON_BYTES = 6
-"""Bytes that a byte of JSON takes as objects of Python: 5.2, measured."""
+"""Memory in bytes for each byte of JSON as Python objects; measured: 5.2."""
 
 Samples = Mapping[str, tuple[int, str]]
-"""When samples were, in microseconds since 1970, and the name of their scene, by token."""
+"""Times of samples in microseconds since 1970, and the names of their scenes, by token."""
 
 
 def read_samples(folder: str, options: ReadOptions) -> Samples:
@@ -223,7 +223,7 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
     Raises
     ------
     InputError
-        A table is missing, or no such table.
+        A table is missing or not valid.
     """
     names: dict[str, str] = {}
     if os.path.isfile(os.path.join(folder, "scene.json")):
@@ -242,17 +242,17 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
-    """Return the records of a table; each has a token and these texts.
+    """Return the records of a table; each record has a token and these texts.
 
     Raises
     ------
     InputError
-        The file is missing, or no such table.
+        The file is missing, or a record lacks a text.
     """
     path = os.path.join(folder, f"{name}.json")
     rows = load_json(path, load(path, max_bytes(options.max_input, path)), options)
     if not isinstance(rows, list):
-        raise InputError(f"{path}: no table of nuScenes, which is a list of records")
+        raise InputError(f"{path}: not a table of nuScenes, which is a list of records")
     for k, row in enumerate(rows, start=1):
         for key in ("token", *texts):
             text = row.get(key) if isinstance(row, dict) else None
@@ -262,7 +262,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
 
 
 def is_unicode(text: str) -> bool:
-    """Return whether a text can be written: JSON may have halves of characters."""
+    """Return whether a text can be written; texts of JSON may have half characters."""
     return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
@@ -272,7 +272,7 @@ def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
     Raises
     ------
     InputError
-        It is no JSON, or too large.
+        The file is not JSON, or too large.
     """
     size = len(data)
     check_memory(path, JSON_BYTES * size, size, options.max_input, f"{size:,} bytes of JSON")
@@ -284,10 +284,10 @@ def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
         return json.loads(data)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise InputError(f"{path}, {place}: no readable JSON: {error.msg}") from None
+        raise InputError(f"{path}, {place}: not readable JSON: {error.msg}") from None
     except (UnicodeDecodeError, RecursionError, ValueError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise InputError(f"{path}: no readable JSON: {reason}") from None
+        raise InputError(f"{path}: not readable JSON: {reason}") from None
 
 
 TRACKED = {
@@ -303,7 +303,7 @@ TRACKED = {
     "vehicle.trailer": "trailer",
     "vehicle.truck": "truck",
 }
-"""Class of the tracking task for each category that takes part in it."""
+"""Class of the tracking task by category; other categories are not tracked."""
 
 PLACE = ("x", "y", "z")
 NUMERIC_COLUMNS = (*PLACE, "size_width", "size_length", "size_height", "score")
@@ -317,7 +317,7 @@ NO_OBJECT = "for samples without an object, which are steps all the same"
 
 
 class _Object(NamedTuple):
-    """One object in a sample; without id and numbers if the sample has none."""
+    """One object in a sample; an empty sample has one object without id and numbers."""
 
     sample: str
     number: int = 0
@@ -333,7 +333,7 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
     Raises
     ------
     InputError
-        A table is missing or damaged, or an object is not as the format has it.
+        A table is missing or damaged, or an object does not follow the format.
     """
     if os.path.isdir(path):
         samples = read_samples(path, options)
@@ -347,14 +347,14 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 
 
 def _folder_for(path: str, options: ReadOptions) -> str:
-    """Return the folder with the tables: the other side, or the folder of either file."""
+    """Return the folder with the tables: the other side, or the folder of one of the files."""
     places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
     for folder in (*places, os.path.dirname(path) or "."):
         if is_table_folder(folder):
             return folder
     raise InputError(
         f"{path}: names samples by tokens, whose times are in the tables of nuScenes: evaluate it "
-        f"against their folder (v1.0-...), or put {SAMPLES} and scene.json beside it"
+        f"against their folder (v1.0-...), or put {SAMPLES} and scene.json next to it"
     )
 
 
@@ -367,7 +367,7 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
         raise InputError(f"{path}: one of the tables of nuScenes; name their folder, {folder}")
     if not isinstance(results, dict):
         raise InputError(
-            f'{path}: no results of nuScenes; they are {{"meta": ..., "results": {{sample token: '
+            f'{path}: not results of nuScenes; they are {{"meta": ..., "results": {{sample token: '
             "[objects]}}"
         )
     return results
@@ -376,7 +376,7 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
 def _tracks(
     path: str, results: Mapping[str, Any], samples: Samples, table_path: str
 ) -> Iterator[_Object]:
-    """Yield the objects of results, and samples that have none."""
+    """Yield the objects of results, and samples without objects."""
     scenes: dict[str, set[str]] = {}
     tracked: list[_Object] = []
     for token, objects in results.items():
@@ -386,14 +386,14 @@ def _tracks(
                 "the version that was tracked"
             )
         if not isinstance(objects, list):
-            raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
+            raise InputError(f"{path}, sample {quoted(token)}: not a list of objects")
         if not objects:
             tracked.append(_Object(token, reason=NO_OBJECT))
         scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
                 if not isinstance(item, dict):
-                    raise TypeError("no object with keys")
+                    raise TypeError("not an object with keys")
                 if "tracking_id" not in item and "detection_name" in item:
                     raise ValueError("a detection; TGOSPA compares tracks, with a tracking_id")
                 name, klass = _text(item, "tracking_id"), _text(item, "tracking_name")
@@ -403,13 +403,13 @@ def _tracks(
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
             tracked.append(_Object(token, k, name, klass, numbers))
-    for item in tracked:  # an id is one track in each scene
+    for item in tracked:  # an id means another track in each scene
         several = len(scenes.get(item.id, ())) > 1
         yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 
 
 def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[_Object]:
-    """Yield the objects of the tables, and samples that have none."""
+    """Yield the objects of the tables, and samples without objects."""
     categories = {row["token"]: row["name"] for row in table(path, "category", options, "name")}
     kinds = {
         row["token"]: categories.get(row["category_token"], "")
@@ -439,20 +439,20 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
 
 
 def _where(path: str, item: _Object) -> str:
-    """Return where an object is, for messages."""
+    """Return the place of an object in the file, for messages."""
     if os.path.isdir(path):
         return f"{os.path.join(path, 'sample_annotation.json')}, row {item.number}"
     return f"{path}, sample {quoted(item.sample)}, object {item.number}"
 
 
 def _fault(item: Mapping[str, Any], key: str, rule: str) -> ValueError:
-    """Return what is wrong with a value, and what it must be."""
+    """Return the error that a value is missing or does not follow a rule."""
     there = f"{key} is {quoted(item[key])}" if key in item else f"no {key}"
     return ValueError(f"{there}; it must {rule}")
 
 
 def _text(item: Mapping[str, Any], key: str) -> str:
-    """Convert an id or a class, which some write as a number, to a text."""
+    """Convert an id or a class to a text; some programs write numbers."""
     value = item.get(key)
     if type(value) not in (str, int) or not str(value).strip() or not is_unicode(str(value)):
         raise _fault(item, key, "be a text")
@@ -460,7 +460,7 @@ def _text(item: Mapping[str, Any], key: str) -> str:
 
 
 def _numbers(item: Mapping[str, Any]) -> Iterator[float]:
-    """Place, size and score; NaN where a size or a score is not said."""
+    """Yield position, size and score of an object; a missing size or score is NaN."""
     unknown = {"translation": None, "size": [np.nan] * 3}
     for key, value in unknown.items():
         values = item.get(key, value)
@@ -471,7 +471,7 @@ def _numbers(item: Mapping[str, Any]) -> Iterator[float]:
 
 
 def _finite(item: Mapping[str, Any], key: str, values: list[Any]) -> list[float]:
-    """Check that numbers are finite or NaN, which stands for unknown."""
+    """Check that numbers are finite or NaN, which means unknown."""
     for value in values:
         if type(value) not in (float, int) or abs(value) > LARGEST_PLACE:
             raise _fault(item, key, "have finite numbers")
@@ -484,7 +484,7 @@ def _rows(path: str, objects: Sequence[_Object], samples: Samples, options: Read
     if options.columns is None and not options.boxes:
         reading = replace(options, columns=PLACE[:2])
     roles = replace(find_roles(NUSCENES_COLUMNS, reading, path, fixed=True), unused=())
-    # A sample without an object gets names that exist already, so that no id is new.
+    # A sample without an object has an id that exists already, so that it adds no track.
     named = [item for item in objects if item.reason is not NO_OBJECT]
     first = named[0] if named else _Object("")
     values = np.array([item.numbers for item in objects]).reshape(-1, len(NUMERIC_COLUMNS))

@@ -1,6 +1,6 @@
-"""The formats of files by name: ours, and those of other packages.
+"""Formats of files by name, of this package and of other packages; imports nothing heavy.
 
-Imports nothing heavy. How to add one: docs/architecture.md, from outside docs/reference/extend.md.
+docs/architecture.md tells how to add a format here, docs/reference/extend.md in another package.
 """
 
 from collections.abc import Callable
@@ -48,4 +48,4 @@ FORMATS: "Registry[Reader]" = Registry(
     },
     _reader,
 )
-"""Functions from the bytes of a file to its rows, by the name of the format."""
+"""Functions that read the rows of a file from its bytes, by the name of the format."""

@@ -1,4 +1,4 @@
-"""Roles of the columns of a table: what each of them is, by the headers."""
+"""Roles of the columns of a table, such as id, time and state, by their headers."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -16,7 +16,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 from tgospa_eval.tracks.weights import EXISTENCE
 
@@ -56,50 +56,52 @@ class Roles:
     id, time : int
         Column of the ids and of the times.
     state : tuple of Mix
-        The states, in order.
+        Quantities of the state, in order.
     names : tuple of str
-        Their names.
+        Names of the quantities of the state.
     second : int, optional
-        Column of what is behind the times, where they are of two columns: date and time of day.
+        Second column of the times, if these have two columns, such as date and time of day.
     klass : int, optional
-        Column of the classes, if a filter asks for it.
+        Column of the classes, if classes are requested.
     region : dict of str to Mix
-        What the filter by region looks at.
+        Quantities that the filter by region compares.
     where : dict of str to int
-        Columns that filters compare, by the names that these have for them.
+        Columns that filters compare, by their names in the filters.
     sizes : tuple of Mix
-        Width and height where the states are boxes or their centres.
+        Width and height, if the states are boxes or their centres.
     centres : bool
-        The states are the centres of boxes.
+        Whether the states are the centres of boxes.
     unused : tuple of str
         Headers of all other columns.
     weight : int, optional
         Column of the weights of particles.
     attributes : dict of str to int
-        Columns of the attributes that are asked for, as far as they are there.
+        Columns of the requested attributes that the table has.
     spread : SpreadColumns, optional
         Columns of the covariances.
     headers : tuple of str
         All headers.
     fixed : bool
-        They are names of ours, for columns of a format without headers.
+        Whether the headers are names from this package, for a format without headers.
     passed : tuple of str
-        Notices about headers that may be ids or times as well, and about the decimal mark.
+        Notices about other headers that may be ids or times, about comments, and about the decimal
+        mark.
     missing : dict of str to str
-        Of the columns that another file may have: those that this one lacks, and the message if
-        every file does.
+        Columns that another file may have and this table lacks, with a message for each, which is
+        for the case that all files lack it.
     doubts : tuple of Notice
-        Warnings about roles that may be others.
+        Warnings about doubtful roles.
     more_ids : tuple of int
-        Columns whose texts are part of the ids.
+        Further columns whose texts are part of the ids.
     other_ids : tuple of str
-        Headers without use that may be ids.
+        Unused headers that may be ids.
     groups : tuple of int
-        Columns without use of recordings, clusters or classes, in which ids may be numbered anew.
+        Unused columns of recordings, clusters or classes, in each of which ids may be numbered from
+        the beginning.
     height : str
-        Header of the heights of places on the Earth, or elevations of ranges, that are left out.
+        Header of the left-out heights of positions on the Earth, or elevations of ranges.
     options : ReadOptions
-        How the table is read.
+        Options of reading.
     """
 
     id: int
@@ -138,7 +140,7 @@ class Roles:
 
     @property
     def texts(self) -> tuple[int, ...]:
-        """Columns of attributes and filters that are nothing else, and are read as texts."""
+        """Columns that are read as texts: attributes and other columns without another role."""
         known = {self.id, self.time, self.klass, *self.numbers}
         wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
         return tuple(sorted(wanted - known))
@@ -151,19 +153,19 @@ class Roles:
 
     @property
     def digits(self) -> int:
-        """Digits of a second that the second column of times has by its header; 0 if unknown."""
+        """Decimal places of a second in the second column of times by its header; 0 if unknown."""
         return (
             0 if self.second is None else FRACTIONS.get(words_of(self.headers[self.second])[-1], 0)
         )
 
     @property
     def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states that bear another name; none of a format without."""
+        """Headers of ids, times and states that have another name; empty for fixed headers."""
         headers = self._headers()
         return {name: header for name, header in headers.items() if header.casefold() != name}
 
     def _headers(self) -> dict[str, str]:
-        """Return the headers of ids, times and the states that are columns, by name."""
+        """Return the headers of ids, times and states with one column, by name."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -174,7 +176,8 @@ class Roles:
     def notices(self, *, clouds: bool) -> Iterator[str]:
         """Yield notices about columns that are not used, and about covariances.
 
-        `clouds`: whether rows are particles; weights are for them only, covariances are not.
+        `clouds` says whether rows are particles. Particles use weights but not covariances, and
+        other rows use covariances but not weights.
         """
         for name, header in self._headers().items():
             if name in self.missing:
@@ -222,7 +225,7 @@ class Roles:
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
             return numbers[:, : len(mixes)]
         answer = np.zeros((len(numbers), len(mixes)), order="F")
-        with np.errstate(over="ignore", invalid="ignore"):  # refused later, with the row
+        with np.errstate(over="ignore", invalid="ignore"):  # an error later names the row
             for k, mix in enumerate(mixes):
                 for column, factor in mix:
                     answer[:, k] += factor * numbers[:, at[column]]
@@ -230,17 +233,17 @@ class Roles:
 
 
 OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
-"""The third column of a place, by the first two."""
+"""Third column of a position by its first two columns."""
 
 
 def _with_height(
     headers: Headers, options: ReadOptions, wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], str]:
-    """Return state columns, and the header of heights that are left out."""
+    """Return the state columns, and the header of left-out heights or a blank."""
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
     of_boxes = headers.places("height") if headers.places("width") else []
     known = [k for k in headers.places(name) if k not in of_boxes] if name else []
-    column = next(iter(known), None)  # the first of several is the best known
+    column = next(iter(known), None)  # the first of several has the most usual name
     if column is None:
         return wanted, ""
     if options.heights == "tell":
@@ -259,15 +262,15 @@ def find_roles(
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers are those of a format, which nobody can rename. The table may be `wide`: then
-    the roles are of the table that `formats.frames.lengthened` makes of it.
+    `fixed` headers belong to a format and cannot be renamed. If the table may be `wide`, the roles
+    are those of the table that `formats.frames.lengthened` returns.
 
     Raises
     ------
     InputError
-        A header is blank, repeated or missing, or there is no position column.
+        A header is blank, repeated or missing, or no column is a position.
     ConfigError
-        The columns asked for cannot be understood.
+        The requested columns cannot be understood.
     """
     names = [name.strip() for name in header]
     if len(names) > 1 and not names[0]:
@@ -346,7 +349,7 @@ def find_roles(
 
 
 def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
-    """Return the headers of the table that `formats.frames.lengthened` makes of a wide one."""
+    """Return the headers that `formats.frames.lengthened` gives to a wide table."""
     objects = objects_in(names, mapped)
     if not objects:
         return names
@@ -359,18 +362,18 @@ def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
 
 
 def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the state columns of boxes: x and y are centres, and both files need all of them."""
+    """Return the state columns of boxes; the user may only name these and the centre x, y."""
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
         raise ConfigError(
-            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
+            f"columns: {quoted(other)} is not part of a box; for boxes map left, top, width, "
             "height, or the centre: x, y, width, height"
         )
     return BOX
 
 
 def _check_stamp(headers: Headers) -> None:
-    """Check that no time is split into two columns, unless another column is the time."""
+    """Check that the time is not split into two columns, unless another column is the time."""
     mapped = headers.mapped
     if "t" in mapped or set(FIRST_ALIASES["t"]) & headers.folded.keys():
         return
@@ -383,11 +386,11 @@ def _check_stamp(headers: Headers) -> None:
 
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
-"""Headers of classes, in which ids may be numbered anew as well."""
+"""Pattern of headers of classes, in each of which ids may also be numbered from the beginning."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
-    """Return the columns behind the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
+    """Return all columns but the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
     whole = headers.mapped.get("id", "")
     parts = [part.strip() for part in whole.split("+")]
     if len(parts) < 2 or headers.spelt(whole, "id") is not None:
@@ -395,26 +398,26 @@ def _more_ids(headers: Headers) -> tuple[int, ...]:
     places = [headers.spelt(part, "id") for part in parts]
     known = [place for place in places if place is not None]
     if len(known) < len(parts):
-        headers.mapped["id"] = parts[places.index(None)]  # the message names it
+        headers.mapped["id"] = parts[places.index(None)]  # the message names the missing part
         return ()
     headers.mapped["id"] = parts[0]
     return tuple(known[1:])
 
 
 def _second_of_times(headers: Headers) -> int | None:
-    """Return the second column of ``t=DATE+TIME``; the first stays mapped."""
+    """Return the second column of ``t=DATE+TIME``; the first column stays mapped."""
     first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
         return None
     position = headers.spelt(second, "t")
-    headers.mapped["t"] = second if position is None else first  # named if it is missing
+    headers.mapped["t"] = second if position is None else first  # messages name a missing one
     return position
 
 
 class _Mixes:
-    """Quantities of a table: columns, or what follows from edges and sizes of boxes.
+    """Quantities of a table: columns, or sums of edges and sizes of boxes.
 
-    Headers that are the very name go before aliases, and both before those looked at last.
+    A header that is equal to the name has priority over aliases, and aliases over boxes.
     """
 
     def __init__(self, headers: Headers) -> None:
@@ -424,11 +427,11 @@ class _Mixes:
 
     @cached_property
     def box(self) -> dict[str, Mix]:
-        """The box also by aliases: only where it is needed, as these may be doubtful."""
+        """Quantities of the box, with aliases only if needed, as these may be doubtful."""
         return self.plain_box or _box(self.headers.find, self._centre)
 
     def _centre(self, axis: str) -> int | None:
-        """Return the column of the centre of boxes, mapped or named so: x alone may be a corner."""
+        """Return the column of the centre of boxes if mapped or named so, as x may be a corner."""
         column = self.headers.find(axis)
         known = axis in self.headers.mapped or (
             column is not None and CENTRE.search(self.headers.names[column])
@@ -437,11 +440,11 @@ class _Mixes:
 
     @property
     def doubts(self) -> Iterator[Notice]:
-        """A warning if x and y may be a corner of boxes as well as their centre."""
+        """Warning if x and y may be a corner of boxes or their centre."""
         place = [self.plainly(name) for name in ("x", "y")]
         if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
             return
-        with suppress(InputError):  # headers that are not needed
+        with suppress(InputError):  # several headers may be a width or height, which is not needed
             size = [self.headers.find(name) for name in ("width", "height")]
             if None in size or self.box:
                 return
@@ -450,14 +453,14 @@ class _Mixes:
             centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
             yield Notice(
                 code="corner-or-centre",
-                text=f"{listed(names[:2])} beside {listed(names[2:])} may be the corner or the "
+                text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or the "
                 "centre of boxes, and are compared as they are",
                 remedy=f"{ask(self.headers.option, corner)} if they are the corner, "
                 f"{ask(self.headers.option, centre)} if the centre",
             )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
-        """Return the mix of a quantity beside these states: in space, x is no centre of a box."""
+        """Return the mix of a quantity; if the states have z, x is not the centre of a box."""
         column = self.plainly(name)
         if name in ("x", "y") and name not in self.headers.mapped and "z" not in states:
             mapped = not self.headers.mapped.keys().isdisjoint(EDGES)
@@ -480,9 +483,9 @@ class _Mixes:
         return mix
 
     def default_states(self) -> tuple[str, ...]:
-        """Return x, y, z as far as they are there, else lat and lon, else the centres of boxes.
+        """Return x, y, z as far as the table has them, else lat and lon, else the centres of boxes.
 
-        Boxes that the user maps go before all.
+        Boxes that the user maps have priority.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
@@ -502,7 +505,7 @@ class _Mixes:
 def _class_column(
     headers: Headers, options: ReadOptions, missing: dict[str, str], *, fixed: bool
 ) -> int | None:
-    """Return the column of the classes, if they are requested, or note that the file lacks it."""
+    """Return the column of the classes if requested; add a message to `missing` if absent."""
     if options.classes is None and not options.by_class:
         return None
     klass = headers.find("class")
@@ -525,7 +528,7 @@ def _class_column(
 def _spread(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> "SpreadColumns | None":
-    """Return the columns of the covariances, if there are any."""
+    """Return the columns of the covariances, or None."""
     from tgospa_eval.formats.spread import find_spread  # lazy: most states are points
 
     namings = _namings(wanted, state, headers)
@@ -535,9 +538,10 @@ def _spread(
 def _namings(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> Iterator[tuple[str, ...]]:
-    """Return the names of state columns in those of covariances: by header, or as mapped.
+    """Yield possible names of the states in headers of covariances: headers, then names.
 
-    Where another column bears the name as its header, the covariance is that column's.
+    If the name of a state is the header of another column, covariances of this name belong to that
+    column.
     """
     own = tuple(
         name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
@@ -559,7 +563,7 @@ CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
 def _box(
     find: Callable[[str], int | None], centre_of: Callable[[str], int | None]
 ) -> dict[str, Mix]:
-    """Return the edges, sizes and centre of boxes, as far as there are columns for them."""
+    """Return edges, sizes and centre of boxes; empty unless the columns define a box."""
     box: dict[str, Mix] = {}
     for axis, begin, size, end in (
         ("x", "left", "width", "right"),
@@ -580,16 +584,16 @@ def _box(
 
 
 UNNAMED = "column 1 (blank header)"
-"""The first column where it has no name: the index of pandas, or the row names of R."""
+"""Name of a first column without a header: the index of pandas, or the row names of R."""
 
 
 def are_numbers(fields: Sequence[str]) -> bool:
-    """Return whether most of the fields are numbers, as of a row and not of a header."""
+    """Return whether most of the fields are numbers, as in a row and not in a header."""
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
 def without_header(fields: Sequence[str], name: str, where: str) -> str:
-    """Return the message about a table that begins with numbers."""
+    """Return the message about a table that begins with numbers instead of a header."""
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
@@ -600,7 +604,7 @@ def without_header(fields: Sequence[str], name: str, where: str) -> str:
 
 
 def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[str] | None:
-    """Return the column names of a table without header, if ids and times are among them.
+    """Return the column names of a table without a header; None if times are not among them.
 
     Raises
     ------
@@ -622,7 +626,7 @@ def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[
 
 
 def _check_names(names: list[str], where: str, keyword: str) -> None:
-    """Check that these are the headers of distinct columns."""
+    """Check that these are headers, and that none is blank or a duplicate."""
     if are_numbers(names):
         raise InputError(without_header(names, keyword, where))
     earlier: set[str] = set()

@@ -1,4 +1,4 @@
-"""The rows of a file before anything is left out: what every reader yields."""
+"""Rows of a file before any are left out, which every reader returns."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
@@ -13,49 +13,49 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.fields import Coded, Times
 from tgospa_eval.formats.roles import Roles
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]
-"""Distinct texts in natural order, and the number of each row's."""
+"""Distinct texts in natural order, and the number of the text of each row."""
 
 NOT_CONSIDERED = "not considered"
-"""Rule of rows of a truth that have the flag 0."""
+"""Rule that leaves out rows of the truth with the flag 0."""
 
 AS_REGIONS = ("DontCare", "ignored regions", "others")
-"""Rules by which KITTI and VisDrone set rows apart that are regions in which nothing is judged."""
+"""Rules of KITTI and VisDrone whose rows are regions in which nothing is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """The rows of a file before anything is left out; what every reader yields.
+    """Rows of a file before any are left out.
 
     Parameters
     ----------
     name : str
-        What the file is called in messages.
+        Name of the file in messages.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     ids : Numbered
-        Ids.
+        Id of each row.
     times : Times
         Time of each row.
     numbers : (R, n) float array
-        The columns `Roles.numbers`, finite, NaN where blank.
+        Columns `Roles.numbers`, finite, NaN where blank.
     where : callable
-        Where a row is, for messages.
+        Callable that returns the place of a row, for messages.
     classes : Numbered, optional
-        Classes, if the roles ask for them.
+        Class of each row, if the roles have a column of classes.
     attributes : dict of int to (R,) array
-        The columns `Roles.texts`.
+        Columns `Roles.texts`.
     weight_fault : str, optional
-        What is wrong with the texts of the weights, for those who need them.
+        Message about wrong texts of weights, which is an error only if weights are needed.
     excluded : dict of str to (R,) bool array and str
-        Rows that the format itself leaves out, by its rule, and the message about them.
+        Rows that the format leaves out, by its rule, and the message about these rows.
     warnings : tuple of Notice
-        What looks wrong with them.
+        Warnings about the rows.
     read_as : callable, optional
-        Of some rows of a side that is read in parts: what the files have for a time.
+        Callable that returns a time as it is in the files, if the side is read in parts.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Rows:
 
     @property
     def whole(self) -> bool:
-        """True if these are all rows of a side."""
+        """True if the side is not read in parts."""
         return self.read_as is None
 
     def quoted_id(self, row: int) -> str:
@@ -81,7 +81,7 @@ class Rows:
         return quoted(self.ids[0][self.ids[1][row]])
 
     def moment(self, row: int) -> str | float:
-        """Return the time of a row as read."""
+        """Return the time of a row as it was read."""
         times = self.times
         if self.read_as is not None:
             return self.read_as(times.value[row].item())
@@ -91,7 +91,7 @@ class Rows:
 def rows_by_components(
     component: Callable[[int], Floats], times: Sequence[int] | Ints, roles: Roles, **more: Any
 ) -> Rows:
-    """Build rows whose columns a function gives by number; `more` as of `Rows`."""
+    """Build rows; `component` returns a column by number, `more` are parameters of `Rows`."""
     numbers = np.empty((len(times), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         numbers[:, k] = component(column)
@@ -105,7 +105,7 @@ def rows_by_components(
 
 
 def number_ids(ids: Sequence[str]) -> Numbered:
-    """Return the distinct ids in natural order (2 before 10), and the number of each row's."""
+    """Return the distinct ids in natural order (2 before 10), and the number of each row's id."""
     numbering: dict[str, int] = {}
     number = np.array([numbering.setdefault(text, len(numbering)) for text in ids], np.int64)
     names = np.array([*numbering], dtype=object)
@@ -116,7 +116,7 @@ def number_ids(ids: Sequence[str]) -> Numbered:
 
 
 def natural_order(names: NDArray[Any]) -> Ints:
-    """Argsort distinct texts by `natural`; NumPy sorts whole numbers ten times as fast."""
+    """Argsort distinct texts by `natural`; whole numbers are sorted by NumPy, ten times as fast."""
     joined = "".join(names)
     if joined.isascii() and joined.isdigit() and "" not in names and max(map(len, names)) < 19:
         whole = names.astype(np.int64)
@@ -128,7 +128,7 @@ def natural_order(names: NDArray[Any]) -> Ints:
 
 
 def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
-    """Return the distinct names in natural order, and the number of each row's."""
+    """Return the distinct names in natural order, and the number of the name of each row."""
     table, number = number_ids([name(text) for text in column.distinct])
     return table, number[column.code]
 
@@ -139,7 +139,7 @@ def name_objects() -> str:
 
 
 def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:
-    """Return the ids of one column, or of several joined; blank where one of them is."""
+    """Return the ids of one column, or of several joined; an id is blank if a part is blank."""
     whole = columns[0]
     for column in columns[1:]:
         distinct, code = np.unique(
@@ -156,7 +156,7 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
 
 
 def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
-    """Return the rule that excludes rows without an id, as `Rows.excluded` has it."""
+    """Return the rule that excludes rows without an id, in the form of `Rows.excluded`."""
     blank = blanks(ids)
     if not len(blank):
         return {}
@@ -166,7 +166,7 @@ def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
 
 
 def blanks(column: Numbered) -> Ints:
-    """Return the numbers of rows without a name."""
+    """Return the positions of the rows without a name."""
     table, number = column
     names = table.tolist()  # a list is searched ten times as fast
     return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

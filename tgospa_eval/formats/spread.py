@@ -1,8 +1,7 @@
-"""Columns of covariances: which header is which entry, and the matrices of the rows.
+"""Columns of covariances: the entries that headers mean, and the matrices of the rows.
 
-`cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart, `cov_x_vx`), or `std_x`, `std_y`,
-`rho_xy`; other usual spellings are in `SPELLINGS`. What a matrix must be like is the business of
-`tracks.covariances`.
+Headers are `cov_xx`, `cov_xy`, `cov_yy` (longer names with an underscore, `cov_x_vx`) or `std_x`,
+`std_y`, `rho_xy`. `SPELLINGS` has other usual headers. `tracks.covariances` checks the matrices.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
 
 BEYOND = 1e-3
@@ -30,10 +29,10 @@ class SpreadColumns:
     names : tuple of str
         State columns.
     entries : tuple of tuple of int
-        Columns of each entry of the lower triangle, row by row: none, one, or both of a pair that
-        the table gives twice.
+        Columns of each entry of the lower triangle, row by row: none, one, or two if the table has
+        both symmetric entries.
     spelling : int
-        How their headers are spelt, a place in `SPELLINGS`.
+        Spelling of the headers, a position in `SPELLINGS`.
     """
 
     names: tuple[str, ...]
@@ -52,7 +51,7 @@ class SpreadColumns:
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Columns that are read."""
+        """Columns that are read, of all entries."""
         return tuple(column for entry in self.entries for column in entry)
 
     def labels(self) -> list[tuple[int, int, str]]:
@@ -61,17 +60,17 @@ class SpreadColumns:
 
     @property
     def absent(self) -> list[str]:
-        """Names of the entries without a column; they are 0."""
+        """Names of the entries without a column, which are 0."""
         named = zip(self.labels(), self.entries, strict=True)
         return [label for (_, _, label), entry in named if not entry]
 
 
 First = Callable[[Mask], tuple[int, str, str]]
-"""Position and place of the wrong one that comes first in the file; how many more."""
+"""Callable that returns position and place of the first wrong row, and the number of others."""
 
 
 NAMED, NUMBERED = 1, 2
-"""The spellings Pxx, Pxy, Pyy and P11, P12, P22."""
+"""Positions in `SPELLINGS` of Pxx, Pxy, Pyy and of P11, P12, P22."""
 
 SPELLINGS = (
     (("cov_{0}{1}", "cov_{0}_{1}"), ("cov_{0}{1}", "cov_{0}_{1}", "var_{0}"), False),
@@ -79,13 +78,13 @@ SPELLINGS = (
     (("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), ("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), False),
     (("rho_{0}{1}", "rho_{0}_{1}"), ("std_{0}", "sigma_{0}"), True),
 )
-"""Headers of covariances, in the order in which they are taken: beside the diagonal, on it, and
-whether these are standard deviations. {0} and {1} are state columns, {2} and {3} their numbers from
-1 on; names that are joined have one letter each."""
+"""Headers of covariances in order of priority: off the diagonal, on it, and whether those on it are
+standard deviations. {0} and {1} are state columns, {2} and {3} their numbers from 1. Only names of
+one letter are joined without an underscore."""
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
-    """Return the headers of an entry of a covariance, the usual one first."""
+    """Return the headers of an entry of a covariance, the usual header first."""
     beside, diagonal, _ = SPELLINGS[spelling]
     headers = []
     for i, j in dict.fromkeys([(first, second), (second, first)]):
@@ -109,14 +108,14 @@ def find_spread(
 ) -> SpreadColumns | None:
     """Find the columns of the covariances of these state columns; None if there are none.
 
-    Spellings are taken in the order of `SPELLINGS`. Entries by number are those of the states only
-    if these are in the order of the table, and there is none of a further one. `find` gives the
-    position of a header.
+    The first spelling of `SPELLINGS` that the table has is used. Entries by number belong to the
+    states only if the states are in the order of the table, and no entry has a higher number.
+    `find` returns the position of a header.
 
     Raises
     ------
     InputError
-        There are some columns, and that of a variance is missing.
+        The table has some entries of the covariances, but not all variances.
     """
     columns = [find(name) for name in names]
     in_order = None not in columns and columns == sorted(columns)  # type: ignore[type-var]
@@ -157,31 +156,31 @@ def covariances_of(
     missing: str,
     fix: bool,
 ) -> tuple[Floats, list[Notice]]:
-    """Return lower triangles (R, d (d + 1) / 2) of the rows, and notices about them.
+    """Return the covariances of the rows as lower triangles (R, d (d + 1) / 2), and notices.
 
     Parameters
     ----------
     values : dict of int to (R,) float array
-        The numbers of the rows that take part, by column, NaN where blank.
+        Numbers of the rows that take part, by column, NaN where blank.
     row : (R,) int array
-        Row of the file of each.
+        Position in the file of each row that takes part.
     where : callable
-        Where a row of the file is, and what it is about.
+        Callable that returns the place of a row of the file, with its id and time.
     spread : SpreadColumns
-        Which column is which entry.
+        Columns of the entries.
     missing : {"error", "zero"}
-        What a row without any covariance is: wrong, or a point.
+        Whether a row without a covariance is an error or a point.
     fix : bool
-        Replace what is no covariance by the nearest that is.
+        Whether to replace an invalid covariance by the nearest valid matrix.
 
     Raises
     ------
     InputError
-        A covariance is blank, not symmetric, or none.
+        A covariance is blank, not symmetric, or not positive semi-definite.
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Return the position and place of the first wrong row in the file, and how many follow."""
+        """Return position and place of the first wrong row, and the number of others."""
         at = np.flatnonzero(wrong)
         position = int(at[np.argmin(row[at])])
         return position, where(int(row[position])), more(len(at))
@@ -220,7 +219,7 @@ def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) ->
     Raises
     ------
     InputError
-        Of a row some entries are blank and others are not.
+        A row has some blank entries and some that are not blank.
     """
     blank = {column: np.isnan(values) for column, values in values.items()}
     without = np.asarray(np.all(list(blank.values()), axis=0), bool)
@@ -245,12 +244,12 @@ def _entry(
     without: Mask,
     first_of: First,
 ) -> Floats:
-    """Return the k-th entry of the lower triangles: the mean of both columns, if there are two.
+    """Return the k-th entry of the lower triangles; if it has two columns, their mean.
 
     Raises
     ------
     InputError
-        They differ by more than rounding.
+        The two columns differ by more than rounding.
     """
     i, j, label = list(spread.labels())[k]
     first, *mirrored = (np.where(without, 0.0, values[c]) for c in spread.entries[k])
@@ -271,7 +270,7 @@ def _entry(
 
 
 def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:
-    """Compute covariances from standard deviations and correlations; any size if mended."""
+    """Compute covariances from deviations and correlations; `fix` allows any correlation."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
         low, high = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
@@ -285,6 +284,6 @@ def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool)
     answer = np.empty_like(packed)
     for k, (i, j, _) in enumerate(spread.labels()):
         product = deviation[i] * deviation[j]
-        with np.errstate(over="ignore"):  # too large values are refused afterwards
+        with np.errstate(over="ignore"):  # values that are too large are refused later
             answer[k] = product if i == j else packed[k] * product
     return answer

@@ -1,4 +1,4 @@
-"""Trajectories -> text of a file, row by row in the order of (step, track)."""
+"""Conversion of Trajectories to the content of a file, row by row in order of (step, track)."""
 
 import csv
 import io
@@ -12,27 +12,27 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import check_parquet
 from tgospa_eval.formats.spread import entries
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
-    """Format as CSV ``id,t,...``, covariances behind the states; doubles are read back exactly.
+    """Format as CSV ``id,t,...``, with covariances after the states; doubles are read back exactly.
 
-    Clouds have a row for each particle, with its ``weight`` before the states.
+    Clouds have a row for each particle, with its ``weight`` before the state.
 
     Parameters
     ----------
     trajectories : Trajectories
-        Of any columns.
+        Trajectories with any columns.
     role : {"truth", "estimate"}
-        Makes no difference here.
+        Role of the trajectories; it has no effect.
     """
     columns = _columns(trajectories)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    # Plain Python values have the shortest exact text.
+    # Python numbers have the shortest exact texts.
     writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     return text.getvalue()
 
@@ -71,11 +71,11 @@ TABLES: dict[str, Callable[[Trajectories], bytes]] = {
     ".pq": parquet_bytes,
     ".npz": npz_bytes,
 }
-"""Writers by the end of a name."""
+"""Writers of tables by the end of the name of the file."""
 
 
 def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
-    """Return the id, time and state of each row, with its covariance; a cloud has several rows."""
+    """Return the columns of id, time, state and covariance; a cloud has a row for each particle."""
     clouds = trajectories.clouds
     counts = 1 if clouds is None else clouds.counts
     times = trajectories.shown[trajectories.step]
@@ -97,15 +97,15 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:
-    """Format as MOTChallenge: ``frame,id,left,top,width,height`` and what the role needs.
+    """Format as MOTChallenge: ``frame,id,left,top,width,height`` and further fields of the role.
 
-    Truth: consider-flag 1, class 1 (pedestrian), visibility 1. Estimate: score 1 and three unused
-    fields -1.
+    Truth has the flag 1, class 1 (pedestrian) and visibility 1. An estimate has score 1 and three
+    unused fields -1.
 
     Raises
     ------
     InputError
-        Not boxes, or an id or time that is no whole number.
+        States are not boxes, or an id or time is not a whole number.
     """
     tail = ",1,1,1\n" if role == "truth" else ",1,-1,-1,-1\n"
     return "".join(
@@ -115,16 +115,16 @@ def motchallenge_text(trajectories: Trajectories, role: str) -> str:
 
 
 def kitti_text(trajectories: Trajectories, role: str) -> str:
-    """Format as KITTI tracking labels: class Car, the image box, everything else unknown.
+    """Format as KITTI tracking labels with the class Car and the image box; the rest is unknown.
 
-    ``frame id type truncated occluded alpha left top right bottom`` with six decimals, then
-    dimensions -1, location -1000 and rotation -10, which is how KITTI writes "unknown"; in an
-    estimate truncated and occluded are unknown too (-1), and the score 1 comes last.
+    The fields are ``frame id type truncated occluded alpha left top right bottom`` with six
+    decimals, then dimensions -1, location -1000 and rotation -10, which mean "unknown" in KITTI.
+    In an estimate truncated and occluded are also unknown (-1), and the last field is the score 1.
 
     Raises
     ------
     InputError
-        Not boxes, or an id or time that is no whole number.
+        States are not boxes, or an id or time is not a whole number.
     """
     flags, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
     return "".join(
@@ -147,7 +147,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
         raise InputError(
             f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
         )
-    # Plain Python values have the shortest exact text.
+    # Python numbers have the shortest exact texts.
     ids, times = trajectories.ids.tolist(), trajectories.shown.tolist()
     for step, track, state in zip(
         trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True

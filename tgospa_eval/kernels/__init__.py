@@ -1,14 +1,14 @@
-"""The compiled kernels where they were built; everything works without them, more slowly."""
+"""The compiled kernels, if they were built; without them everything works, but is slower."""
 
 from typing import Any
 
 from tgospa_eval.common.machine import compiled
 
 REGRET = 1e-11
-"""Gain of a row by leaving its path that may be rounding: sums of gains round to 1e-12."""
+"""Regret of a row up to which it may be rounding: sums of gains round to 1e-12."""
 
 kernels: Any = compiled("tgospa_eval.kernels._kernels")
-"""The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""
+"""The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` makes it None, for comparisons."""
 
 KERNEL = "compiled" if kernels else "numpy"
-"""Its name in results."""
+"""Name of the kernels in results."""

@@ -1,9 +1,9 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""Loops that NumPy cannot do without large temporaries; each names its NumPy twin.
+"""Loops that would need large temporary arrays in NumPy; each names its NumPy twin.
 
-All arrays are contiguous; indices are 32-bit. Everything runs without the interpreter lock, and
-never on the same rows in two threads, so that many threads give the bytes of one.
+All arrays are contiguous, and indices have 32 bits. The loops run without the interpreter lock, and
+never on the same rows in two threads, so that results do not depend on the number of threads.
 """
 
 import numpy as np

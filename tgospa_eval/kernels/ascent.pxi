@@ -12,7 +12,7 @@ cdef class Layout:
     states : States
         The blocks.
     switch_price : (T + 1,) float array
-        As `Problem.switch_price_at`, perhaps cut.
+        As `Problem.switch_price_at`, maybe lowered to a limit.
     price : float
     prices : (N,) float array, optional
         As in `relative_gains`.
@@ -20,11 +20,11 @@ cdef class Layout:
     Attributes
     ----------
     row_first, order, begin : arrays
-        From `by_row`, and the first step of each state.
+        Results of `by_row`, and the first step of each state.
     gain, group_first, offset : arrays
-        From `relative_gains`.
+        Results of `relative_gains`.
     rows, columns : (R,), (C,) int arrays
-        Nodes that take part: those of the open blocks; `keep` chooses them.
+        Nodes of the open blocks, which `keep` chooses.
     """
 
     cdef readonly object gain, group_first, offset, rows, columns
@@ -32,8 +32,8 @@ cdef class Layout:
     cdef const u8[::1] open
     cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
     cdef const double[::1] switch_price, gains, offsets
-    cdef Py_ssize_t longest, widest  # states of a row, and pairs of one, at most
-    cdef double[::1] before, lost    # room for what is computed on the way, made once:
+    cdef Py_ssize_t longest, widest  # most states, and most pairs, of a row
+    cdef double[::1] before, lost    # room for intermediate results, made once:
     cdef double[:, ::1] room         # small problems take no longer to solve than to make arrays
     cdef i32[::1] came
 
@@ -59,7 +59,7 @@ cdef class Layout:
         self.room, self.came = np.empty((5, longest + 1)), np.empty(longest + 1, np.int32)
 
     def keep(self, const u8[::1] blocks):
-        """Go on with these blocks, (B,); their nodes without states of their own are columns."""
+        """Continue with these blocks, (B,); their nodes without own states are columns."""
         cdef Py_ssize_t nodes = self.block.shape[0], i, a, low, rows = 0, columns = 0, pairs
         row_array, column_array = np.empty(nodes, np.int32), np.empty(nodes, np.int32)
         cdef i32[::1] row = row_array, column = column_array
@@ -93,7 +93,7 @@ cdef struct Row:
 
 
 cdef struct Paths:
-    double* value                # all of one row: gains less prices,
+    double* value                # arrays of one row: gains less prices,
     double* forward              # results of `row_forward` and `row_backward` for each state
     double* none
     double* rest
@@ -119,12 +119,12 @@ cdef inline Paths paths_in(Layout layout) noexcept nogil:
 
 
 cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
-    """Best value of a path up to each state of one row, and the state that it came from (or -1).
+    """Compute the best value of a path up to each state of one row, and its state before (or -1).
 
     ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
     + value_s``, and ``h = h - r``, see `problem.paths.best_values`. `forward` is F - h, and
-    h = `none` + `rest` a sum of two doubles, so that no digits are lost to the length of a
-    recording. Returns the value of the best path; its last state goes to `final`.
+    h = `none` + `rest` is a sum of two doubles, so that long recordings lose no digits. Returns the
+    value of the best path, and writes its last state to `final`.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -186,11 +186,11 @@ cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
 
 
 cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noexcept nogil:
-    """Add what the assignment of one row loses against its best path to the steps where it does.
+    """Add the losses of the assignment of one row against its best path to their steps.
 
-    The reduced costs, at the values of `row_forward`, of the transitions that the assignment uses:
-    each is 0 or more, and their sum is the regret of the row. `weight` begins with the row, `at`
-    with the first step.
+    They are the reduced costs, at the values of `row_forward`, of the transitions that the
+    assignment uses. Each is >= 0, and their sum is the regret of the row. `weight` begins with the
+    row, `at` with the first step.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -237,11 +237,11 @@ cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noe
 
 
 cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noexcept nogil:
-    """``slack_s = best - (F_s + B_s)``: what the best path has over the best one through the state.
+    """Compute ``slack_s = best - (F_s + B_s)``, the loss of the best path through each state.
 
     ``h = max(h, value_s + B_s - lambda)``, ``B_before = max(value_s + B_s, h - lambda)``, backward.
-    `forward` and `none` are those of `row_forward`, the first no longer relative; `none` becomes
-    the same for the paths that are in no state when the state begins.
+    `forward` and `none` are those of `row_forward`, but `forward` is no longer relative. `none`
+    becomes the loss of the best path that is at "none" when the state begins.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -284,9 +284,9 @@ cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noe
 
 cdef enum:
     NEAR = 1     # slack within reach
-    NEEDED = 2   # doing without any state when this one begins costs more than the reach
-    LOSES = 4    # slack that is more than rounding
-    BEST = 8     # on the best path that was found
+    NEEDED = 2   # being at "none" when this state begins costs more than the reach
+    LOSES = 4    # slack of more than rounding
+    BEST = 8     # on the best path of `row_forward`
     TEMPTED = 16 # hardly any slack
     MAJORITY = 32    # on the best path, or more than half of the row in the last sweeps
 cdef double REGRET = SUM_ERROR
@@ -295,7 +295,7 @@ globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPT
 
 
 cdef void run_up(Layout layout, const double* price) noexcept nogil:
-    """Sum of the prices before each slot of its column, in two parts, as a recording may be long."""
+    """Sum the prices before each slot of a column, in two parts, because recordings may be long."""
     cdef Py_ssize_t r, t
     cdef double *before = &layout.before[0], *lost = &layout.lost[0]
     cdef double total, rest
@@ -308,7 +308,7 @@ cdef void run_up(Layout layout, const double* price) noexcept nogil:
 
 
 cdef double row_own(Row row, const double* value, const Weight* weight) noexcept nogil:
-    """Value of the assignment of one row: sum of weight x value, less its changes and offsets.
+    """Return the value of the assignment of one row: sum weight x value - changes - offsets.
 
     `value` and `weight` begin with the row.
     """
@@ -337,9 +337,9 @@ cdef double row_own(Row row, const double* value, const Weight* weight) noexcept
 
 
 cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexcept nogil:
-    """Write feasible weights 0 and 1: states that are MAJORITY, unless one before is in their way.
+    """Write feasible weights 0 and 1: states that are MAJORITY, unless an earlier one blocks them.
 
-    `load` (K,) must come as zeros and becomes the number of rows on each column slot.
+    `load` (K,) must be zeros at first, and becomes the number of rows on each column slot.
     """
     cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
     cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
@@ -372,7 +372,7 @@ cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexce
 
 
 cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
-    """Give each row in turn its best path through what the others leave; return how many changed.
+    """Give each row in turn its best path through the slots that other rows leave; count changes.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
@@ -402,7 +402,7 @@ cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nog
                     break
         best = row_forward(row, paths, &last)
         if best > own[i]:
-            # Sums in another order differ in the last digit: that is no change for the better.
+            # Sums in another order differ in the last digit, which is not an improvement.
             changed += best > own[i] + 1e-12
             own[i] = best
             memset(weight + low, 0, high - low)
@@ -417,29 +417,29 @@ cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nog
 
 
 cdef class Brackets:
-    """The best prices and the best assignment of each block so far, and what both prove.
+    """The best prices and the best assignment of each block so far, and both bounds.
 
     Sums by block are 0 in blocks that are not open.
 
     Parameters
     ----------
     layout : Layout
-        The blocks, and those that are open.
-    weights, prices : (S,), (K,) float arrays
-        Where the best are kept.
-    rounding : float
-        How wrong a sum of prices along a path may be, as a fraction of all of them.
+        The blocks, and which of them are open.
+        weights, prices : (S,), (K,) float arrays
+            Arrays for the best weights and prices.
+        rounding : float
+            Error of a sum of prices along a path, as a fraction of the sum of all prices.
 
     Attributes
     ----------
     dual, primal : (B,), (B,) float arrays
-        What the prices prove that a block can gain at most, and what the assignment gains.
+        Upper bound of the gain of each block by the prices, and gain of the assignment.
     most : (B,) float array
-        What a block could gain if everything were free, to be set.
+        Gain of each block if all costs were 0; to be set by the caller.
     flags, chosen : (S,), (S,) uint8 arrays
-        Marks of each state by the last survey; the working set that was chosen last.
+        Marks of each state by the last survey, and the last chosen working set.
     best, own : (nodes,), (nodes,) float arrays
-        Value of the best path of each row by the last survey, and that of an assignment.
+        Value of the best path of each row, and of an assignment, by the last survey.
     """
 
     cdef readonly object dual, primal, most, flags, best, own
@@ -470,22 +470,22 @@ cdef class Brackets:
         return np.array(self.found)
 
     def mark(self, const double[::1] prices, double reach):
-        """`flags` of every state, and the value `own` of the best assignment at the prices."""
+        """Set the `flags` of every state, and the values `own` of the best weights, at prices."""
         with nogil:
             self._survey(&prices[0], True, reach, NULL)
 
     def regrets(self, const double[::1] prices, double[::1] lost):
-        """Add what the best assignment loses against the best paths to its steps, (T + 1,)."""
+        """Add the losses of the best assignment against the best paths to their steps, (T + 1,)."""
         with nogil:
             self._survey(&prices[0], False, 0.0, &lost[0])
 
     def try_prices(self, const double[::1] prices):
-        """Take the prices in the open blocks where they prove more."""
+        """Keep the prices in the open blocks in which they prove more."""
         with nogil:
             self._take_prices(&prices[0])
 
     def try_above(self, const double[::1] prices, double least, double gap):
-        """`try_prices` with 0 for those up to `least`; whether some bracket is still too wide."""
+        """Try the prices, with 0 for those up to `least`; return whether a bracket is too wide."""
         cdef Py_ssize_t t
         cdef bint wide
         cdef bint fresh = False
@@ -495,7 +495,7 @@ cdef class Brackets:
                 price = prices[t] if prices[t] > least else 0.0
                 fresh = fresh or price != self.trial[t]
                 self.trial[t] = price
-            if fresh:  # else these were tried before, in the same blocks or more
+            if fresh:  # otherwise they were tried before, in the same blocks or more
                 self._take_prices(&self.trial[0])
             wide = False
             for t in range(self.duals.shape[0]):
@@ -503,7 +503,7 @@ cdef class Brackets:
         return wide
 
     def choose(self, const double[::1] prices, double reach):
-        """Mark the states, and choose the working set of those within reach: `chosen`."""
+        """Mark the states, and write the working set within reach to `chosen`."""
         with nogil:
             self._survey(&prices[0], True, reach, NULL)
             memset(&self.choice[0], 0, self.choice.shape[0])
@@ -511,11 +511,11 @@ cdef class Brackets:
 
     cdef void _survey(self, const double* price, bint judge, double reach,
                       double* regret) noexcept nogil:
-        """Value of the best path of each row at the prices; to `judge`, marks of each state.
+        """Compute the value of the best path of each row at the prices; with `judge`, also marks.
 
-        The prices of a state are those of its slots, from running sums in each column. To judge
-        also the value `own` of the best assignment at the prices, less its changes. What that loses
-        against the best paths is added to `regret`, step by step, unless that is NULL.
+        The price of a state is that of its slots, from running sums in each column. With `judge`
+        also compute the value `own` of the best assignment at the prices, less its changes. Its
+        losses against the best paths are added to `regret`, step by step, unless that is NULL.
         """
         cdef Py_ssize_t r, s, low
         cdef i32 b, e, i, last
@@ -558,7 +558,7 @@ cdef class Brackets:
                 last = paths.came[last]
 
     cdef void _pay(self, const double* price) noexcept nogil:
-        """Write the sum of the prices of each block to `found`; of a column as `sum_parts`."""
+        """Write the sum of the prices of each block to `found`, adding columns as `sum_parts`."""
         cdef Py_ssize_t r, K = self.price.shape[0], low, high
         cdef i32 i
         cdef double* last = &self.layout.before[0]
@@ -569,7 +569,7 @@ cdef class Brackets:
             low, high = self.layout.column_first[i], self.layout.column_first[i + 1]
             if low == high:
                 continue
-            if high == K:  # `sum_parts` has a 0 behind it
+            if high == K:  # `sum_parts` adds a 0 after the last price
                 memcpy(last, price + low, (high - low) * sizeof(double))
                 last[high - low] = 0.0
                 total[self.layout.block[i]] += last[0] + pairwise(last + 1, high - low)
@@ -580,7 +580,7 @@ cdef class Brackets:
         """Write the bound of each block to `found`, after a survey at the prices."""
         cdef Py_ssize_t b
         self._pay(price)
-        for b in range(self.found.shape[0]):  # what the values of paths may have lost as well
+        for b in range(self.found.shape[0]):  # and the rounding of the values of paths
             self.found[b] = (1 + self.rounding) * self.found[b]
         self._add_rows(&self.bests[0], &self.found[0])
 
@@ -618,15 +618,15 @@ cdef class Brackets:
         return np.array(self.found)
 
     def try_weights(self, const double[::1] weights):
-        """Take the feasible assignment in the open blocks where it gains more."""
+        """Keep the feasible assignment in the open blocks in which it gains more."""
         with nogil:
             self._value(&weights[0])
             self._take_weights(&weights[0])
 
     def round(self, int rounds):
-        """Try the majorities, each row then in so many rounds re-optimised given the others."""
+        """Try the majorities, then optimise each row for the other rows, up to `rounds` times."""
         cdef u8* rounded = &self.rounded[0]
-        cdef i32* load = <i32*>&self.layout.before[0]  # whose sums nobody needs any more
+        cdef i32* load = <i32*>&self.layout.before[0]  # its sums are no longer needed
         cdef int k
         with nogil:
             memset(load, 0, self.price.shape[0] * sizeof(i32))
@@ -666,7 +666,7 @@ cdef class Brackets:
     # --- widths
 
     def wide(self, double gap):
-        """Return open blocks whose bracket is wider than the gap, relative to its cost, (B,)."""
+        """Return the open blocks with a bracket wider than the gap, relative to the cost, (B,)."""
         found = np.zeros(self.found.shape[0], bool)
         cdef u8[::1] wider = found.view(np.uint8)
         cdef Py_ssize_t b
@@ -675,7 +675,7 @@ cdef class Brackets:
         return found
 
     def only_rounding(self, double gap):
-        """Return whether some bracket is wide by hardly more than rounding of its prices."""
+        """Return whether mostly the rounding of its prices keeps some bracket wide."""
         cdef Py_ssize_t b
         self._pay(&self.price[0])
         for b in range(self.found.shape[0]):
@@ -691,7 +691,7 @@ cdef class Brackets:
 
     @property
     def open_dual(self):
-        """Sum of the bounds of the open blocks, as NumPy adds."""
+        """Sum of the bounds of the open blocks, in NumPy's order."""
         cdef Py_ssize_t b, n = 0
         for b in range(self.duals.shape[0]):
             if self.layout.open[b]:
@@ -701,7 +701,7 @@ cdef class Brackets:
 
     @property
     def open_gap(self):
-        """Width of the brackets of the open blocks together."""
+        """Total width of the brackets of the open blocks."""
         cdef Py_ssize_t b, n = 0
         for b in range(self.duals.shape[0]):
             if self.layout.open[b]:
@@ -711,7 +711,7 @@ cdef class Brackets:
 
     @property
     def open_cost(self):
-        """Cost of the best assignment of the open blocks together."""
+        """Total cost of the best assignment of the open blocks."""
         cdef Py_ssize_t b, n = 0
         for b in range(self.duals.shape[0]):
             if self.layout.open[b]:
@@ -723,13 +723,13 @@ cdef class Brackets:
 def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] first,
                    const i32[::1] low, const i32[::1] high, const double[::1] value,
                    const double[::1] leave, const u8[::1] follows):
-    """Best values of paths through the free states of a programme, in each row forward in time.
+    """Compute best values of paths through the free states of a programme, forward in time.
 
-    The rows have borders before, between and after their constraints, numbered row by row from
-    `first` (rows + 1,) on. States lie between the borders `low` and `high`, those without a
-    constraint where the state before them ends; `order` has them by (high, number). A state that
-    `follows` the one before it takes over its value. Returns the value of "none" at each border,
-    and that of each state at its end less that, cut to [-leave, leave].
+    Rows have borders before, between and after their constraints, numbered row by row from `first`
+    (rows + 1,) on. States lie between the borders `low` and `high`; a state without a constraint is
+    at the end of the state before it. `order` has the states by (high, number). A state that
+    `follows` the state before it continues its value. Returns the value of "none" at each border,
+    and the value of each state at its end less that of "none", cut to [-leave, leave].
     """
     cdef Py_ssize_t F = order.shape[0], a, b, c
     cdef i32 s, r, at = 0
@@ -771,21 +771,21 @@ def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] firs
 # --- entropic sweeps ------------------------------------------------------------------------------
 
 cdef enum:
-    INSIDE = 1   # of a link: the state goes on from the link before, no way in between them
-    GOES_ON = 2  # of a link: the state goes on with the next link, no way out between them
-    FIRST = 4    # of a node: the window begins
-    CERTAIN = 8    # of a node and its state: before it the row was surely in this pair
-    FINAL = 16   # of a node and its state: after it the row is surely in this pair
-    FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
+    INSIDE = 1   # link: its state continues from the link before, without an entry between them
+    GOES_ON = 2  # link: its state continues with the next link, without an exit between them
+    FIRST = 4    # node: the window begins
+    CERTAIN = 8    # node and state: before it the row was surely in this pair
+    FINAL = 16   # node and state: after it the row is surely in this pair
+    FREE = 8     # number of constraints that mean "no price": alternating, for independent sums
 
 
 cdef void working_set(Layout layout, const double* weight, const double* price, const u8* flags,
                       u8* chosen) noexcept nogil:
-    """Choose the states that a chain is built of; 1 = chosen, with CERTAIN and FINAL at its ends.
+    """Choose the states of a chain: 1 means chosen, with CERTAIN and FINAL at the ends of gaps.
 
-    Chosen are the states near, by the flags of `survey`, and those in use. Stretches where a row
-    has one option only, for which no other row competes, are left out but for their ends, and so
-    are rows with which none competes (docs/theory/solvers.md, "Working set").
+    States that are NEAR by the flags of `survey`, and states in use, are chosen. If a row has only
+    one option in a stretch, and no other row competes for it, only the ends of the stretch are
+    chosen. Rows without competition are left out (docs/theory/solvers.md, "Working set").
     """
     cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
     cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
@@ -820,7 +820,7 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
         if not rivalled:
             memset(chosen + low, 0, high - low)
             continue
-        # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
+        # A state is sure (2) if its row has no other chosen state, nor "none", and it has no rival.
         first = begin[low]
         active = 0
         group = 0
@@ -849,7 +849,7 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
                     crowded < since[s - low]) and is_sure(
                         s, flags, rivals, slot_begin, slot_end):
                 chosen[s] = 2
-        # Sure states stay where a neighbour in time is not sure; 3 is left out.
+        # A sure state is left out (3) unless a neighbour in time is not sure.
         for s in range(low, high):
             if chosen[s] == 2 and (begin[s] == first or chosen[s - 1] >= 2) and (
                     s + 1 == high or begin[s + 1] == first or chosen[s + 1] == 2):
@@ -868,7 +868,7 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
 
 cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_begin,
                   const i32* slot_end) noexcept nogil:
-    """Return whether leaving the state costs more than the reach, and no other wants its column."""
+    """Return whether leaving the state costs more than the reach, and its column has no rival."""
     return flags[s] & (NEAR | NEEDED) == (NEAR | NEEDED) and (
         rivals[slot_end[s]] == rivals[slot_begin[s]])
 
@@ -877,7 +877,7 @@ cdef struct Walk:
     i32* held                    # states that a row could be in at a step,
     i32* cursor                  # the next slot that they compete for,
     i32* latest                  # and their latest link
-    i32* link_of                 # that of each state of the row, when it ended
+    i32* link_of                 # last link of each state of the row, when it ended
     const i32* slot_step
     const i32* slot_end
     const i32* constraint_of
@@ -886,21 +886,21 @@ cdef struct Walk:
     i32* link_at
 
 
-cdef struct AtRow:               # what a pass knows of a row at its latest node: a line of the cache
-    double none                  # paths in no state,
-    double left[2]               # in states that go on, and in those that may end or come here
+cdef struct AtRow:               # data of a pass about a row at its latest node: one cache line
+    double none                  # mass at "none",
+    double left[2]               # in states that continue, and in states that may end or begin here
     double price                 # q there
-    double factor[2]             # of what comes to a link: by way of "none", and without
+    double factor[2]             # factors of the mass of a link: by way of "none", and without
     double added[2]
 
 
 cdef class Chain:
     """The working set as a chain of links, and messages along it (docs/theory/solvers.md).
 
-    A *node* is a row at a step where something happens to it: a state of the working set begins or
-    has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
-    for each state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0
-    stands for "none before" and "none after" and holds 0; the first constraints for "no price".
+    A *node* is a row at a step with an event: a state of the working set begins or has just ended,
+    or a stretch of slots begins for which one of its states competes. It has a *link* for each
+    state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0 means
+    "none before" and "none after" and has the value 0. The first constraints mean "no price".
 
     Parameters
     ----------
@@ -911,7 +911,7 @@ cdef class Chain:
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
     most : int
-        Nothing is built if there were more links; `links` says how many.
+        Largest number of links: with more nothing is built, and `links` is their number.
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
@@ -931,7 +931,7 @@ cdef class Chain:
         self.switch_price = layout.switch_price
         self.steps = layout.switch_price.shape[0]
         self.rows = layout.row.shape[0]
-        # One stretch for all that is needed on the way: a small chain takes hardly longer to make.
+        # One array for all intermediate results makes small chains fast.
         cdef i32[::1] room = np.zeros(4 * (K + 1) + 2 * (self.steps + 1) + 3 * layout.widest
                                       + layout.longest + 1, np.int32)
         cdef i32 *constraint_of = &room[0], *after = constraint_of + K + 1
@@ -970,7 +970,7 @@ cdef class Chain:
             self._emit(True, layout, &chosen[0], walk)
 
     cdef object _make_room(self, Py_ssize_t widest):
-        """Make all arrays, zeros, as stretches of three: small chains are then quick to make.
+        """Make all arrays, with zeros, as parts of three arrays, which makes small chains fast.
 
         `widest` is the largest number of links of a step.
         """
@@ -1005,11 +1005,10 @@ cdef class Chain:
 
     cdef object _constrain(self, Layout layout, const u8* chosen, const double* price,
                            i32* constraint_of, i32* after, i32* opens):
-        """Return stretches of slots with the same chosen states; those that need a price, by step.
+        """Write the stretches of slots with the same chosen states that need a price, by step.
 
-        A stretch is priced where two states compete, or where a price has to come down again.
-        `opens` is room for twice as many numbers as there are slots and one, zeros as
-        `constraint_of`.
+        A stretch needs a price if two states compete for it, or if it has a price that may fall.
+        `opens` is room for 2 (K + 1) numbers; these and `constraint_of` must be zeros at first.
         """
         cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
         cdef const i32 *slot_step = &layout.slot_step[0]
@@ -1028,7 +1027,7 @@ cdef class Chain:
                     if chosen[s] and slot_end[s] > slot_begin[s]:
                         opens[slot_begin[s]] += 1
                         closes[slot_end[s] - 1] += 1
-        for fill in (False, True):  # how many there are at each step, then what they are
+        for fill in (False, True):  # first their number at each step, then the stretches
             with nogil:
                 for r in range(layout.column.shape[0]):
                     c = columns[r]
@@ -1062,7 +1061,7 @@ cdef class Chain:
                 at[0] = FREE
                 for t in range(self.steps + 1):
                     at[t + 1] += at[t]
-                at += 1  # the places move on to the next step below
+                at += 1  # below, each place advances to that of the next step
         with nogil:
             last = <i32>K
             for t in range(K, -1, -1):
@@ -1212,12 +1211,12 @@ cdef class Chain:
             self._pass(True, False)
 
     def sweep(self, int most, double calm=0.0):
-        """Sweep forward and backward until no column is violated by as much as `calm`.
+        """Sweep forward and backward until the violation of each column is less than `calm`.
 
         Returns
         -------
         done : int
-            How many sweeps it took.
+            Number of sweeps.
         violation : float
             The largest violation of a column in the last of them.
         """
@@ -1233,7 +1232,7 @@ cdef class Chain:
         return done, violation
 
     def cool(self, double epsilon):
-        """``v <- max(v - epsilon log u, 0)``: changes of prices out of the messages into `price`."""
+        """Set ``v <- max(v - epsilon log u, 0)``: move price changes from messages to `price`."""
         cdef Py_ssize_t c
         with nogil:
             for c in range(FREE, self.constraints + FREE):
@@ -1243,7 +1242,7 @@ cdef class Chain:
                 self.u[c] = 1.0
 
     def write_prices(self, double[::1] price):
-        """Prices of the stretches as prices of their slots: more on the first, or all less."""
+        """Write prices of stretches to their slots: raise the first slot, or scale all down."""
         cdef Py_ssize_t c, t
         cdef double total
         with nogil:
@@ -1258,7 +1257,7 @@ cdef class Chain:
                         price[t] *= self.price[c] / total
 
     def write_masses(self, float[::1] mass, u8[::1] flags):
-        """Share of the paths of its row that pass each state; set MAJORITY where it is above half."""
+        """Write the share of a row's paths through each state; set MAJORITY if it is above 1/2."""
         cdef Py_ssize_t n, l
         cdef double total
         cdef i32 s
@@ -1280,11 +1279,11 @@ cdef class Chain:
                                 flags[s] |= MAJORITY
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
-        """Renew the messages of one direction node by node, and the prices step by step.
+        """Update the messages of one direction node by node, and the prices step by step.
 
         ``A_0' = a_0 + q S'``, ``A_s' = (1 - q^2) a_s + q A_0'``, S' the sum over the states that
         may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
-        1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r where they leave 1e-10..1e10.
+        1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r outside 1e-10..1e10.
         """
         cdef Py_ssize_t step, k, n, l, c, low, high, first, last
         cdef i32 row
@@ -1294,7 +1293,7 @@ cdef class Chain:
         cdef double *kernel = &self.kernel[0], *none_kernel = &self.none_kernel[0]
         cdef double *u = &self.u[0], *slack = &self.slack[0], *cap = &self.cap[0]
         cdef double *passed = &self.passed[0], *load = &self.load[0], *stay = &self.stay[0]
-        cdef double *share = &self.share[0]  # of the links of a step, times the total of their node
+        cdef double *share = &self.share[0]  # of the links of a step, times their node's total
         cdef double *total = &self.total[0]  # of the node of each row, then 1 / total
         cdef AtRow *at = <AtRow*>&self.row[0]
         cdef AtRow *here
@@ -1317,7 +1316,7 @@ cdef class Chain:
             low, high = step_node[k], step_node[k + 1]
             if low == high:
                 continue
-            # All nodes, then all links: loops over the few links of a node end unforeseeably.
+            # All nodes, then all links: short loops over the links of a node are unpredictable.
             for n in range(low, high):
                 here = &at[node_row[n]]
                 q = here.price if reverse else stay[k]
@@ -1345,7 +1344,7 @@ cdef class Chain:
                 share[l - first] = part
                 total[link_row[l]] += part
             if update:
-                for n in range(low, high):  # underflow: such a row has no say until the next kernel
+                for n in range(low, high):  # after underflow a row is ignored until `heat`
                     part = total[node_row[n]]
                     total[node_row[n]] = 1.0 / part if part > 1e-290 else 0.0
                 for c in range(step_constraint[k], step_constraint[k + 1]):
@@ -1360,7 +1359,7 @@ cdef class Chain:
                     if filled < 1e-40:
                         filled = 1e-40
                     rho = u[c] / (filled * sqrt(filled))
-                    # At most 1 / slack, where the price is 0.
+                    # At most 1 / slack, at which the price is 0.
                     u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
             for l in range(first, last):
                 part = passed[l] * u[constraint[l]]

@@ -3,13 +3,13 @@
 
 # --- near points, and pairs chosen greedily ------------------------------------------------------
 #
-# The twins are in distances.pair_search and in points and pairing of evaluation.diagnosis, with
-# the same bits.
+# The NumPy twins are in distances.pair_search, and in points and pairing of evaluation.diagnosis.
+# Their results have the same bits.
 
 
 cdef inline double apart(const double* a, const double* b, const double* scale, Py_ssize_t size,
                          int power, double most) noexcept nogil:
-    """Norm of the difference, 0 standing for the largest component; at least `most` if one is."""
+    """Return a norm of the difference (power 0: largest component); stop early from `most` on."""
     cdef double total = scale[0] * fabs(a[0] - b[0]), other
     cdef Py_ssize_t k
     for k in range(1, size):
@@ -52,12 +52,12 @@ cdef enum:
 def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                 const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                 double cutoff, int power, const double[::1] scale, Py_ssize_t most):
-    """Near pairs of finite points of some steps, and their distances; None if that took too long.
+    """Return near pairs of finite points of some steps, and distances; None if there are too many.
 
-    The estimates of a step are sorted into cells along one axis, as wide as the cutoff; those of
-    three cells are compared. Rows of a step are [begin, end) of (2, steps). Rows of pairs are
-    counted from the first of the first step, without those of other steps. `most` is the number of
-    pairs that are compared.
+    The estimates of a step are sorted into cells along one axis, as wide as the cutoff, and each
+    point is compared with those of three cells. Rows of a step are [begin, end) of (2, steps). Rows
+    of pairs are counted from the first row of the first step, without rows of other steps. `most`
+    limits the number of compared pairs.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, k, count = 0, n = 0
     cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
@@ -80,7 +80,7 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
             least, value = INFINITY, -INFINITY
             for j in range(low, low + size):
                 least, value = fmin(least, estimate[j, axis]), fmax(value, estimate[j, axis])
-            # Quotients are exact to 2^-20: at most so many cells, and near points differ by 1.
+            # Quotients are exact to 2^-20: at most `size` + 1 cells, and near points differ by 1.
             width = fmax(cutoff / scale[axis] * (1 + 2.0**-10), (value - least) / size)
             cells = 1
             if size > FEW and 1e-290 < width < 1e300:
@@ -118,7 +118,7 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
             low, size = estimate_rows[0, t], estimate_rows[1, t] - estimate_rows[0, t]
             for i in range(truth_rows[0, t], truth_rows[1, t]):
                 own = first + i - truth_rows[0, t]
-                # Without a branch, which nobody foresees: what is not near is written over.
+                # Without a branch, which is unpredictable: pairs that are not near are overwritten.
                 count = n
                 for j in range(begin[own], end[own]):
                     near = True
@@ -143,9 +143,9 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
 def nearest_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                    const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                    int power, const double[::1] scale, Py_ssize_t sampled):
-    """Distances of some truths of some steps, all with estimates, to the nearest estimate.
+    """Return distances of some truth rows to the nearest estimate; each step must have estimates.
 
-    Of each step every so many-th truth is looked at that there are up to `sampled` of them.
+    The rows of each step are at equal intervals, with at most `sampled` rows.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, n = 0, count, by
     cdef double value, best
@@ -168,7 +168,7 @@ def nearest_points(const double[:, ::1] truth, const double[:, ::1] estimate,
 
 
 cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcept nogil:
-    """Positions by falling keys, of equal ones in the order in which they come: a merge sort."""
+    """Sort positions by falling keys; equal keys keep their order: a merge sort."""
     cdef Py_ssize_t half = n // 2, k, m, left = 0, right = half
     cdef i32 own
     if n <= 16:
@@ -195,7 +195,7 @@ cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcep
 
 def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const i32[::1] truth,
                   const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
-    """Return the smaller sum of the largest gains of truths, or of estimates, (steps,)."""
+    """Return the smaller of the sums of largest gains of truth rows and of estimates, (steps,)."""
     cdef Py_ssize_t m = truth_step.shape[0], n = estimate_step.shape[0], a
     cdef double[::1] best = np.zeros(m + n)
     cdef double[::1] other = np.zeros(steps)
@@ -218,14 +218,14 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
              const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
     """Return the gain of a greedy choice of pairs at each step, and the round of each pair.
 
-    Pairs (N,) are in order of truth and estimate; 0 is the round of those that are not chosen.
+    Pairs (N,) are in order of truth and estimate; the round of pairs that are not chosen is 0.
     """
     cdef Py_ssize_t N = gain.shape[0], m = truth_step.shape[0], begin = 0, end, a, count, kept
     cdef i32 t, p, q, turn
     found_array, turn_array = np.zeros(steps), np.zeros(N, np.int32)
     cdef double[::1] found = found_array
     cdef i32[::1] turns = turn_array
-    cdef i32[::1] head = np.empty(m + estimates, np.int32)  # best pair that is left of each
+    cdef i32[::1] head = np.empty(m + estimates, np.int32)  # best remaining pair of each row
     cdef i32[::1] room = np.empty(2 * N + 1, np.int32)
     cdef i32* left = &room[0]
     with nogil:
@@ -263,7 +263,7 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
 
 def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,
               const i32[::1] track, tables, const uint64_t[:, ::1] lanes):
-    """Sums of hashes of all rows, one for each lane; `tables` (R, n) hold what else is hashed."""
+    """Return sums of hashes of all rows, one per lane; `tables` (R, n) are other values to hash."""
     cdef Py_ssize_t R = step.shape[0], first, last, r, c, k
     cdef uint64_t[::1] mixed = np.empty(min(R, 4096), np.uint64)
     cdef const uint64_t[:, :] table

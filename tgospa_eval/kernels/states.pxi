@@ -5,7 +5,7 @@
 
 
 cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
-    """Sum by halves, down to eight sums side by side, as NumPy's: its rounding hardly grows."""
+    """Return the sum by halves, down to eight parallel sums, as NumPy: rounding hardly grows."""
     cdef double part[8]
     cdef double total = 0.0
     cdef Py_ssize_t i, half, whole = size - size % 8
@@ -31,7 +31,7 @@ cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
     """Write the positions by (key, position) to `order`: a counting sort.
 
-    `at` comes as zeros, one more than there are keys, and becomes the end of each key in `order`.
+    `at` must be zeros at first, one more than there are keys, and becomes the end of each key.
     """
     cdef Py_ssize_t n
     for n in range(key.shape[0]):
@@ -44,9 +44,9 @@ cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogi
 
 
 def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
-    """Pair of each entry, and truth and estimate of each pair, in order of truth and appearance.
+    """Return the pair of each entry, and truth and estimate of each pair, by (truth, appearance).
 
-    The entries of one truth are visited together, so that a stamp for each estimate is enough.
+    The entries of one true object are visited together, so that one mark per estimate is enough.
     """
     cdef Py_ssize_t N = truth.shape[0], e, a
     cdef i32 j, pairs = 0
@@ -101,9 +101,9 @@ def components(const i32[::1] a, const i32[::1] b, int nodes):
 
 def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] step, int truths,
                 int estimates, bint transpose):
-    """Pairs, nodes and blocks from the truth, the estimate and the step of each entry, in time.
+    """Return pairs, nodes and blocks from truth, estimate and step of each entry, in time order.
 
-    The pair of each entry, then the fields of `problem.states.GRAPH`, in their order;
+    The result is the pair of each entry, then the fields of `problem.states.GRAPH`, in their order.
     `transpose` is that of `merge_runs`.
     """
     pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
@@ -113,10 +113,10 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
     cdef i32 b, blocks = 0, total = 0
     cdef bint is_row
-    cdef i32[::1] number = full_of(nodes, -1)    # of the block with this root
-    cdef i32[::1] block_of = full_of(nodes, -1)  # of each track
+    cdef i32[::1] number = full_of(nodes, -1)    # number of the block with this root
+    cdef i32[::1] block_of = full_of(nodes, -1)  # block of each track
     with nogil:
-        for p in range(P):  # by truth: the root of a block is the first that is met
+        for p in range(P):  # by truth, so that blocks are numbered by their first truth
             if number[root[pt[p]]] < 0:
                 number[root[pt[p]]] = blocks
                 blocks += 1
@@ -139,7 +139,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
         for i in range(nodes):
             if block_of[i] >= 0:
                 side[i >= truths, block_of[i]] += 1
-        for b in range(blocks):  # rows are truths, unless there is a single estimate for several
+        for b in range(blocks):  # rows are estimates if a single one has several true objects
             flip[b] = transpose and side[1, b] == 1 and side[0, b] > 1
             i = side[0, b] + side[1, b]
             side[1, b] = total + (1 if flip[b] else side[0, b])
@@ -180,8 +180,8 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
           bint single):
     """Return each pair's states in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
 
-    `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
-    Entries come in order of time.
+    `first` and `last` (P,) are the window of each pair. With `single` a run is one state for each
+    step. Entries must be in order of time.
     """
     cdef Py_ssize_t N = pair_of.shape[0], a, P = first.shape[0], p, n = 0
     cdef i32 k, next_step
@@ -243,10 +243,10 @@ def in_time(const i32[::1] begin, int steps):
 
 def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
           const i32[::1] pair_node, const u8[::1] shared):
-    """Slots of the shared nodes: first slot of each node, step of each, and of each state its first.
+    """Return first slot of each shared node, step of each slot, and first slot of each state.
 
-    `order` has the states in time. States of nodes that are not shared get the (empty) place of
-    their node.
+    `order` has the states in order of time. For states of nodes that are not shared the slot is the
+    (empty) place of the node.
     """
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
@@ -314,12 +314,12 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
 
 # --- exact sums over slots: the twins are in problem.states, with the same bits -------------------
 #
-# Sums over all slots may overflow, differences of them do not: they are computed without sign.
+# Sums over all slots may overflow, but their differences are right: arithmetic is unsigned.
 
 
 def slot_sums(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
               const i32[::1] pair_node, const int64_t[::1] weight):
-    """Sum of the integer weights (S,) of the states over each slot, (K,): `Slots.sums`."""
+    """Return the sum of integer weights (S,) of the states over each slot, (K,): `Slots.sums`."""
     cdef Py_ssize_t K = first[first.shape[0] - 1], p, s, t
     cdef int64_t held
     change = np.zeros(K + 1, np.int64)
@@ -362,7 +362,7 @@ def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_f
 
 
 def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] unit, bint down):
-    """Return sums of ``value / unit`` before each slot (K + 1,), rounded first: `exact_running`."""
+    """Return sums of rounded ``value / unit`` before each slot, (K + 1,): `exact_running`."""
     cdef Py_ssize_t i, t
     cdef double whole
     sums = np.zeros(value.shape[0] + 1, np.int64)
@@ -378,7 +378,7 @@ def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] 
 
 def spans(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
           const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums, bint down):
-    """Sum over the slots of each state, (S,), from the sums before each: `Slots.spans`."""
+    """Return the sum over the slots of each state, (S,), from running sums: `Slots.spans`."""
     cdef Py_ssize_t p, s
     cdef uint64_t before, after
     found = np.empty(begin.shape[0])
@@ -399,7 +399,7 @@ def spans(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
 
 
 cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
-    """Add to a sum of two doubles: what `total` loses by rounding goes to `rest` (Knuth)."""
+    """Add to a sum of two doubles: `rest` receives the rounding of `total` (Knuth)."""
     cdef double new = total[0] + part
     cdef double got = new - total[0]
     rest[0] += (total[0] - (new - got)) + (part - got)
@@ -409,18 +409,18 @@ cdef inline void add_to(double* total, double* rest, double part) noexcept nogil
 def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
                    const i32[::1] entry, const double[::1] cost, double price,
                    const double[::1] prices=None):
-    """``G - r = (D_best - D) + (A + B) - (A + B)_best``, and ``r = (A + B - D)_best`` of each group.
+    """Return ``G - r = (D_best - D) + (A + B) - (A + B)_best``, and ``r = (A + B - D)_best``.
 
-    A *group* are the states of a row that begin together, "best" the cheapest pair of it: sums of
-    gains near 1 lose the digits that differences of costs keep. A run loses the r while it lasts,
-    and so does "none", in `row_forward`.
+    A *group* is the set of states of a row that begin together; "best" is its cheapest pair, and r
+    its offset. Differences of costs keep digits that sums of gains near 1 lose. A run loses the
+    offsets of all its steps, and so does "none", in `row_forward`.
 
     Parameters
     ----------
     price : float
-        Cost of leaving both objects of an entry unassigned, where that is the same for all.
+        Cost of leaving both objects of an entry unassigned, if it is the same for all entries.
     prices : (N,) float array, optional
-        The same for each entry.
+        This cost of each entry, used instead of `price`.
 
     Returns
     -------
@@ -428,7 +428,7 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     group_first : (nodes + 1,) int array
         The first group of each row.
     offset : (G,) float array
-        What was taken off in each group.
+        The offset r of each group.
     """
     cdef Py_ssize_t S = order.shape[0], nodes = row_first.shape[0] - 1, i, a, c, low, high, width
     cdef i32 s, k, g, total = 0
@@ -448,7 +448,7 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
             group_first[i + 1] = total
     gain_array, offset_array = np.empty(S), np.zeros(total)
     cdef double[::1] gain = gain_array, offset = offset_array
-    # What was taken off before the group of a state, in two parts.
+    # Sum of the offsets before the group of a state, in two parts.
     cdef double[::1] before = np.empty(width + 1), lost = np.empty(width + 1)
     cdef i32[::1] group = np.empty(width + 1, np.int32)
     with nogil:
@@ -495,10 +495,11 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
 
 cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, double* work,
                    i32* index) noexcept nogil:
-    """Columns of rows, no more of these, by shortest augmenting paths: `index` begins with them.
+    """Assign rows to at least as many columns by shortest augmenting paths.
 
-    As scipy.optimize.linear_sum_assignment, operation by operation (Crouse, 2016). `work` has room
-    for rows + 2 columns, `index` for twice as many of both.
+    The operations are those of scipy.optimize.linear_sum_assignment (Crouse, 2016). `index` begins
+    with the columns of the rows afterwards. `work` has room for rows + 2 columns, `index` for
+    2 (rows + columns).
     """
     cdef double* u = work
     cdef double* v = work + rows
@@ -531,7 +532,7 @@ cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, doub
                     lowest, best = distance[j], n
             least, j = lowest, left[best]
             count -= 1
-            left[best], left[count] = left[count], <i32>j  # those passed are behind the others
+            left[best], left[count] = left[count], <i32>j  # used columns are behind the others
             if row_of[j] == -1:
                 break
             i = row_of[j]
@@ -552,7 +553,7 @@ cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, doub
 
 def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
            const i32[::1] column, const i32[::1] columns, const double[::1] gain):
-    """Return which pairs of each component are taken, and the lowest prices of their columns."""
+    """Return whether each pair of a component is assigned, and the lowest price of its column."""
     cdef Py_ssize_t b, e, i, j, m, n, turn, fewer
     cdef bint turned, moves
     cdef double have
@@ -615,11 +616,11 @@ def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
 
 # --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
 #
-# Nothing above or below is called but `sort_by` and `pairwise`, and no solver calls these.
+# These functions call only `sort_by` and `pairwise` of the others, and no solver calls them.
 
 
 cdef inline double up(double value) noexcept nogil:
-    """Return the next larger double; `nextafter` of the library takes several times as long."""
+    """Return the next larger double; `nextafter` of the library is several times slower."""
     cdef int64_t bits
     if value == 0.0:
         return 5e-324
@@ -637,9 +638,9 @@ cdef inline double down(double value) noexcept nogil:
 
 def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
                 const double[::1] cost, const double[::1] price, double base):
-    """Return `Gains` where A + B is `base` for all pairs; those of runs remain to be filled in.
+    """Return `Gains` if A + B is `base` for all pairs; gains of runs remain to be filled in.
 
-    `group` (S,) is the row and step that each state begins at, `price` (S,) that of each state.
+    `group` (S,) is the row and step at which each state begins, `price` (S,) the price of each.
     """
     cdef Py_ssize_t S = entry.shape[0], s, b, g
     cdef double loss, d
@@ -649,7 +650,7 @@ def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
     cdef int64_t[::1] best = best_array
     with nogil:
         for g in range(groups):
-            best[g], offset[g] = -1, 0.0  # first the least loss
+            best[g], offset[g] = -1, 0.0  # `offset` has the least loss at first
         for s in range(S):
             if entry[s] >= 0:
                 loss = cost[entry[s]] + price[s] - base
@@ -675,8 +676,8 @@ def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1
                  const double[::1] switch_price, const double[::1] offset):
     """Return an upper bound of the best path's value of each row, (nodes,): `best_values`.
 
-    `group` (S,) is the row and step that each state begins at, `group_first` (nodes + 1,) the first
-    of each row; `switch_price` is one number, or one for each step.
+    `group` (S,) is the row and step at which each state begins, `group_first` (nodes + 1,) the
+    first group of each row; `switch_price` is one number, or one for each step.
     """
     cdef Py_ssize_t S = begin.shape[0], nodes = group_first.shape[0] - 1, a, c, p
     cdef i32 i, g, s
@@ -715,7 +716,7 @@ def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1
 def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
               const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums,
               const i32[::1] entry, const double[::1] price, double[::1] relative):
-    """Fill in the relative gains of runs, ``-v - sum r``: the end of `problem.paths.relative_gains`.
+    """Fill in the relative gains of runs, ``-v - sum r``, as `problem.paths.relative_gains`.
 
     `unit` and `sums` are the running sums of the offsets over the slots of `first` and `begin`.
     """
@@ -736,7 +737,7 @@ def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_fi
 def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entry,
               const double[::1] cost, const i32[::1] first, const i32[::1] begin,
               const i32[::1] pair_first, const i32[::1] pair_node, i32[::1] left):
-    """Cost of the best pair of each group, 0 without one; `left` is less 1 at its column slot.
+    """Return the cost of the best pair of each group, or 0; lower `left` by 1 at its column slot.
 
     `best` (G,) and `group` (S,) as in `Gains` and `row_steps`; `first`, `begin`, `pair_first` and
     `pair_node` are those of the columns.
@@ -759,9 +760,9 @@ def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entr
 
 def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] left,
                 const i32[::1] first):
-    """Return ``-sum (left v)`` of the slots of each node in two halves, (2, nodes), from above.
+    """Return ``-sum (left v)`` of the slots of each node, rounded up, in two halves, (2, nodes).
 
-    Prices are `unit` times the differences of `sums`; the halves keep sums from overflow.
+    Prices are `unit` times the differences of `sums`; the halves prevent overflow.
     """
     cdef Py_ssize_t i, t
     cdef int64_t whole, low, high
@@ -780,7 +781,7 @@ def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] 
 
 
 cdef class Terms:
-    """Terms of a cost, added up in groups of 64: `problem.certificate._in_chunks`."""
+    """Terms of a cost, added in groups of 64: `problem.certificate._in_chunks`."""
 
     cdef double[::1] sums
     cdef double[64] group
@@ -803,16 +804,16 @@ cdef class Terms:
 
 
 def break_down(states, const int64_t[::1] weight, int64_t one, bounds):
-    """Return the sums of `problem.certificate.break_down`, of parts without a common pair.
+    """Return the sums of `problem.certificate.break_down`, for parts without a common pair.
 
-    `bounds` are the first pair, row of truths and row of estimates of each part, and the ends.
+    `bounds` are the first pair, truth row and estimate row of each part, and the ends.
 
     Returns
     -------
     costs : (6, T) float array
         Localisation, missed, false, missed count, false count, variation.
     terms : list of lists of float
-        Of each part sums of some terms of the total each.
+        Partial sums of the total of each part.
     """
     problem = states.problem
     cdef const i32[::1] begin = states.begin, entry = states.entry, pair_first = states.pair_first

@@ -1,1 +1,1 @@
-"""One evaluation of data larger than memory: by blocks of time, by components, added up."""
+"""Evaluation of data larger than memory: blocks of time, then components, then sums."""

@@ -1,4 +1,4 @@
-"""Evaluation of data that are larger than memory: from two paths to a result."""
+"""Evaluation of data larger than memory: from two paths to a result."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -36,36 +36,36 @@ from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.quoting import listed
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import SPLIT_PARTS, Json, Labels, input_record
 from tgospa_eval.results.summary import mean, ratio, root
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
-"""Below so many bytes of files, workers start only after so many seconds of work: to start one
-takes a second. With more data, this process would need the memory of a worker as well."""
+"""Size of files in bytes below which workers start late, and seconds of work before they start.
+Starting a worker takes a second. With more data, this process would need a worker's memory too."""
 
 ROWS_SUMMED = 1 << 18
 """Assigned pairs that are added up at once."""
 
 ROUNDED = 1e-9
-"""Share of states that are assigned, but for the rounding of weights."""
+"""Tracked share that counts as zero, because weights are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSummary(Reading):
-    """Facts about a side whose rows have been read; its trajectories are only its timestamps.
+    """Facts about a side after its rows were read; its `trajectories` have only the timestamps.
 
     Parameters
     ----------
     at_steps : int
-        Number of rows that take part and whose timestamps are steps.
+        Number of rows that take part and have the time of a step.
     sums : list of tuple of int
-        `row_sums` of these rows in each block.
+        `row_sums` of the rows that take part, for each block.
     """
 
     at_steps: int
@@ -73,12 +73,12 @@ class SideSummary(Reading):
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
-        """Summarise what `scan` wrote for all blocks.
+        """Summarise the output of `scan` for all blocks of a side.
 
         Raises
         ------
         InputError
-            No row has a place that is known.
+            No row has a known position.
         """
         left_out = Counter(side.steps.left_out)
         for block in blocks:
@@ -109,11 +109,11 @@ class SideSummary(Reading):
 
     @property
     def off(self) -> int:
-        """Number of rows that take part and whose timestamps are no steps."""
+        """Number of rows that take part and do not have the time of a step."""
         return self.taken - self.at_steps
 
     def has_class(self, name: str) -> bool:
-        """Return whether there are rows of a requested class; a block does not know all names."""
+        """Return whether any row has a requested class; a single block does not know all names."""
         return name in self.named
 
 
@@ -134,31 +134,31 @@ def evaluate_partitioned(
     Parameters
     ----------
     paths : pair of str
-        Truth and estimate: folders of Parquet or CSV files, or such files.
+        Truth and estimate: folders of Parquet or CSV files, or single files.
     reading : pair of ReadOptions
-        How to read them.
+        Options for reading them.
     request_of : callable
-        The request, given the names of the state columns.
+        Function that receives the names of the state columns and returns the request.
     work : Path
-        Folder for what is known on the way, and for the tables of the result; the same evaluation
-        goes on from what is there.
+        Folder for intermediate results and for the tables of the result. The same evaluation
+        continues from the results in it.
     share : Share
-        Processes, and memory of each.
+        Number of processes, and memory of each process.
     engine : Engine, optional
-        Where they are; without one this process does the work.
+        Engine of the worker processes; by default this process does the work.
     kept : bool
-        Whether the folder outlives the run. Else there is no table of assigned pairs, which is as
-        long as the data.
+        Whether the folder outlives the run. If not, the table of assigned pairs, which is as long
+        as the data, is not written.
     stopwatch : Stopwatch
-        Gets the time of each stage.
+        Stopwatch for the time of each stage.
     check : callable, optional
-        Of what is known of both sides when their rows are read, and of the paths: raises what is
-        wrong with it, before anything is solved.
+        Function that receives facts about both sides and the paths, after all rows were read. It
+        raises the errors that it finds, before anything is solved.
 
     Raises
     ------
     TgospaError
-        Something is wrong with the data, or asked for that needs them all at once.
+        The data are wrong, or an option needs all data at once.
     """
     rows = share.rows
     files = [file for path in paths for file in stored(path)]
@@ -254,12 +254,12 @@ def _with_heights(
 def _marking(
     request: EvaluationRequest, ignoring: Ignoring, sides: tuple[PartsSide, PartsSide]
 ) -> tuple[EvaluationRequest, tuple[PartsSide, PartsSide], list[str]]:
-    """Return the request and sides that mark ignored states, and messages about absent classes.
+    """Return the request and the sides that mark ignored states, and notices of absent classes.
 
     Raises
     ------
     ConfigError
-        A side lacks marks that are requested.
+        A side lacks requested marks.
     """
     ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
     ignoring, absent = ignoring.spelt(sides[0].steps.classes)
@@ -288,7 +288,7 @@ def _result(
     """Write the tables, and return the result."""
     request, sides, proof = plan.request, plan.sides, evaluated.proof
     for side, numbered in zip(sides, evaluated.tracks, strict=True):
-        if numbered.rows.sum() == side.steps.rows:  # else filters may have left out the other ids
+        if numbered.rows.sum() == side.steps.rows:  # otherwise filters may have left out other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -373,7 +373,7 @@ def _result(
 
 
 def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
-    """Return numbers of the summary that are sums, and the tracked share of each truth."""
+    """Return those numbers of the summary that are sums, and the tracked share of each truth."""
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
     total, first, second, whole = 0.0, 0.0, 0.0, True
@@ -451,7 +451,7 @@ def _notices(
 
 
 DIAGNOSED_ROWS = 50_000
-"""Rows of both sides that are diagnosed, which takes a tenth of a second."""
+"""Number of rows of both sides for the diagnosis, which then takes a tenth of a second."""
 
 
 def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
@@ -460,9 +460,9 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     Parameters
     ----------
     plan : BlockPlan
-        What is evaluated.
+        Plan of the evaluation.
     grid : Alignment
-        The steps of both sides, without their rows.
+        Steps of both sides, without their rows.
     """
     request, names = plan.request, plan.names
     steps = replace(grid, left_out=(0, 0))  # rows are not counted yet
@@ -472,7 +472,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     truth, estimate = (reading.trajectories for reading in piece.read())
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
-    else:  # their own timestamps show what is wrong with clocks
+    else:  # only their own timestamps show faults of clocks
         sides = fit(truth, estimate, request, names)
     warnings = diagnose(sides, request)
     shown = grid.truth.shown
@@ -482,7 +482,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
 
 
 def middle(rows: Ints, size: int) -> tuple[int, int]:
-    """Return the first and last step of those with `size` rows around the middle row."""
+    """Return the first and last step of the `size` rows around the middle row."""
     after = np.cumsum(rows)
     half = int(after[-1]) // 2
     first = int(np.searchsorted(after, half - size // 2, side="right"))

@@ -1,4 +1,4 @@
-"""Files of one side in parts: their list, their digests, and the rows of pieces of them."""
+"""Files of one side in parts: their list, their digests, and the rows of their pieces."""
 
 import hashlib
 import json
@@ -32,17 +32,17 @@ from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
 from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
 from tgospa_eval.partitioned.tasks import Run, removing
-from tgospa_eval.text import listed, visible
+from tgospa_eval.quoting import listed, visible
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 
 PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
-"""Suffixes of files, without those of compressed files."""
+"""Suffixes of files, without suffixes of compression."""
 
 HIDDEN = ("_", ".")
-"""First letters of files that writers leave beside the data: _SUCCESS, _metadata, .crc."""
+"""First letters of files that writers put next to the data: _SUCCESS, _metadata, .crc."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -54,11 +54,11 @@ class File:
     Parameters
     ----------
     path : str
-        Its name in messages.
+        Name of the file in messages.
     place : str
-        Where it is, for workers in whatever folder.
+        Absolute path, which workers in any folder can use.
     keys : tuple of pairs of str
-        Names and values of the folders ``key=value`` that it is in.
+        Names and values of the folders ``key=value`` that contain the file.
     """
 
     path: str
@@ -72,9 +72,9 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     Raises
     ------
     InputError
-        There is none, or there are some of a format that is not read in parts, or of two.
+        There is no file, a file has a format that is not read in parts, or formats differ.
     ConfigError
-        It is the standard input.
+        The path means the standard input.
     """
     if path == STDIN:
         raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
@@ -101,21 +101,21 @@ def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
     """Yield the files of a side in the order of their paths, with the status of each."""
     files = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
     for file in sorted(files, key=lambda file: file.path):
-        with suppress(FileNotFoundError):  # a link to nowhere: reading it is an error of its own
+        with suppress(FileNotFoundError):  # a broken link: reading it raises its own error
             yield file, os.stat(file.place)
 
 
 def state_of(stat: os.stat_result) -> tuple[int, ...]:
     """Return the parts of a status that differ after a file was changed or replaced.
 
-    The time of modification can be set back; the time of a change of status cannot. The device is
-    left out, as its number may change whenever it is mounted.
+    The time of modification can be set back, but not the time of a change of status. The device is
+    left out, because its number may change with each mount.
     """
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
 def _walk(folder: str) -> Iterator[File]:
-    """Yield the files below a folder except hidden ones, with the keys of the folders between."""
+    """Yield the files below a folder except hidden ones, with the keys of folders in between."""
 
     def refuse(error: OSError) -> None:
         raise error
@@ -133,7 +133,7 @@ def _walk(folder: str) -> Iterator[File]:
 
 
 def _value(text: str) -> str:
-    """Return the value of a key in the name of a folder, as Hive writes it."""
+    """Decode the value of a key in the name of a folder, as written by Hive."""
     return "" if text == "__HIVE_DEFAULT_PARTITION__" else unquote(text)
 
 
@@ -143,7 +143,7 @@ def _kind(path: str) -> str:
     Raises
     ------
     InputError
-        It is something else.
+        The file has another format.
     """
     with named(path, InputError), open(path, "rb") as file:
         head = file.read(GUESSED_FROM)
@@ -165,34 +165,34 @@ def _kind(path: str) -> str:
 
 
 TOGETHER = 1 << 26
-"""Bytes of files that are one task."""
+"""Bytes of files that one task digests."""
 
 CONTENT = "content"
-"""Folder, in that of the work, of the digests of the files that the work is derived from."""
+"""Subfolder of the folder of work, for digests of the files that the work is derived from."""
 
 Stretch = tuple[File, int, int]
-"""Bytes of a file, from one to another."""
+"""Range of bytes of a file: the file, the first byte and the end."""
 
 
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
-    """Empty a folder of work that was derived from files with another content.
+    """Empty a folder of work that was derived from files with other content.
 
-    A file that was changed may have the size and the times of the old one, so all files are read
-    whenever the work begins or goes on.
+    A changed file may have the size and times of the old one, so all files are read whenever the
+    work begins or continues.
 
     Parameters
     ----------
     files : sequence of pairs
-        Those of both sides, as `listing.stored` finds them.
+        Files of both sides with their status, from `stored`.
     work : Path
-        The folder.
+        Folder of the work.
     run : callable
-        Does tasks, as `partitioned.tasks.run_tasks`.
+        Function that does tasks, like `partitioned.tasks.run_tasks`.
 
     Returns
     -------
     str or None
-        The first file that has changed, if the work has to start again.
+        The first file that has changed, if the work must start again.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     """
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = tempfile.mkdtemp(dir=kept.parent)  # digests of an earlier run say nothing about now
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # digests of an earlier run may be out of date
     batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
         os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
@@ -217,11 +217,11 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     if kept.exists():
         try:
             before = checked(kept.read_bytes(), {...: [TEXT]})
-        except ValueError:  # the machine has stopped before it was written
+        except ValueError:  # the machine stopped before the file was written
             before = {}
     changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]
     if changed:
-        with removing(work, but=CONTENT):  # the old digests go last
+        with removing(work, but=CONTENT):  # the old digests are replaced last
             pass
     if changed or not kept.exists():
         with writing(str(kept)) as beside:
@@ -251,7 +251,7 @@ def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
 
 
 def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch]:
-    """Yield the bytes of all files in order, in stretches of at most `TOGETHER`."""
+    """Yield all bytes of all files in order, in ranges of at most `TOGETHER` bytes."""
     for file, stat in files:
         for begin in range(0, max(stat.st_size, 1), TOGETHER):
             yield file, begin, min(begin + TOGETHER, stat.st_size)
@@ -263,9 +263,9 @@ def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool
     Returns
     -------
     head : bytes
-        Up to the end of the header.
+        The bytes up to the end of the header.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     decimal : str
         Decimal mark of its numbers.
     packed : bool
@@ -274,7 +274,7 @@ def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool
     Raises
     ------
     InputError
-        It is no table, or lacks columns.
+        The file is not a table, or lacks columns.
     """
     path = file.path
     with named(path, InputError), open(file.place, "rb") as source:
@@ -296,23 +296,23 @@ def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool
         begin = data.find(b"\n", begin) + 1 or len(data)
     content = data[:begin]
     if not content.endswith(b"\n"):
-        content += b"\n"  # a header alone
+        content += b"\n"  # only a header
     return content, roles, decimal, packed
 
 
 Moved = Callable[[str], str]
-"""A message about a piece as one about the file."""
+"""Function that turns a message about a piece into a message about the file."""
 
 
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
     """Yield rows of the lines that begin between two bytes, and the number of the first row.
 
-    A compressed file is read whole, `end` bytes at a time.
+    A compressed file is read whole, about `end` bytes at a time.
 
     Raises
     ------
     InputError
-        A row is wrong; the message has its line in the file.
+        A row is wrong; the message has its line number in the file.
     """
     head, _, decimal, packed = read_head(file, options)
     known = replace(options, decimal=decimal)
@@ -335,7 +335,7 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
 
 
 def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:
-    """Return a message with the line in the file in place of the line in the piece."""
+    """Replace the line number in the piece by the line number in the file, in a message."""
 
     def line(match: re.Match[str]) -> str:
         number = int(match[2])
@@ -345,7 +345,7 @@ def _moved(path: str, header: int, lines_before: Callable[[], int], message: str
 
 
 NumberedLines = tuple[bytes, Callable[[], int]]
-"""Lines, and how many are between the header and them."""
+"""Lines, and a function that counts the lines between the header and these lines."""
 
 
 def _lines_between(file: File, head: bytes, begin: int, end: int) -> Iterator[NumberedLines]:
@@ -375,7 +375,7 @@ def _lines(file: File, begin: int, end: int) -> int:
 
 
 def _unpacked(file: File, head: bytes, size: int) -> Iterator[NumberedLines]:
-    """Yield all lines of a compressed file, `size` bytes at a time."""
+    """Yield all lines of a compressed file, about `size` bytes at a time."""
     before = 0
     with unpacking(file.place, file.path) as stream:
         stream.read(len(head))
@@ -386,7 +386,7 @@ def _unpacked(file: File, head: bytes, size: int) -> Iterator[NumberedLines]:
 
 
 def size_of(file: File) -> int:
-    """Return the bytes of a file as it is stored."""
+    """Return the stored size of a file in bytes."""
     with named(file.path, InputError):
         return os.path.getsize(file.place)
 
@@ -395,7 +395,7 @@ DECODED = 1 << 17
 """Rows that are decoded together."""
 
 BYTES_OF_COLUMN = 1 << 20
-"""Bytes of a column that are read together: a row group may be larger than memory."""
+"""Bytes of a column that are read together, because a row group may be larger than memory."""
 
 
 def table_rows(
@@ -406,7 +406,7 @@ def table_rows(
     Raises
     ------
     InputError
-        The file is damaged, or a value is wrong; the message has its row in the file.
+        The file is damaged, or a value is wrong; the message has its row number in the file.
     """
     content, schema, roles = open_table(file, options)
     columns = [schema.names[column] for column in roles.used]
@@ -424,7 +424,7 @@ def _row_of(path: str, first: int, row: int) -> str:
 def _batches(
     file: File, content: "pa.parquet.ParquetFile", groups: range, columns: list[str]
 ) -> "Iterator[pa.Table]":
-    """Yield columns of row groups, some rows at a time, with the keys of folders as columns."""
+    """Yield columns of row groups, some rows at a time, with keys of folders as further columns."""
     import pyarrow as pa
 
     own = [name for name in columns if name in content.schema_arrow.names]
@@ -444,21 +444,21 @@ def _batches(
 def open_table(
     file: File, options: ReadOptions
 ) -> "tuple[pa.parquet.ParquetFile, pa.Schema, Roles]":
-    """Open a Parquet file and understand its columns.
+    """Open a Parquet file and find the roles of its columns.
 
     Returns
     -------
     pyarrow.parquet.ParquetFile
-        What it has.
+        The open file.
     pyarrow.Schema
-        Its columns, then those of the folders that it is in, if they are needed.
+        Columns of the file, then keys of its folders if they are needed.
     Roles
-        Which column is what.
+        Roles of the columns.
 
     Raises
     ------
     InputError
-        It is no Parquet, or lacks columns.
+        The file is not a Parquet file, or lacks columns.
     ConfigError
         pyarrow is not installed.
     """
@@ -482,7 +482,7 @@ def open_table(
         if roles.klass is None and options.classes is not None:
             absent.add("class")
         if keys and absent:
-            raise InputError  # they may be a folder's
+            raise InputError  # the columns may be keys of folders
         whole = schema
     except InputError:
         if not keys:
@@ -501,9 +501,9 @@ class FilePiece:
     file : File
         The file.
     begin, end : int
-        Row groups, or bytes.
+        Range of row groups or of bytes.
     text : bool
-        Whether it is a text.
+        Whether the file is a text.
     """
 
     file: File
@@ -512,14 +512,14 @@ class FilePiece:
     text: bool
 
     def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-        """Yield rows, some at a time, and the number of the first in the table or piece of text."""
+        """Yield rows, some at a time, and the number of the first one in the table or piece."""
         return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
     def where(self, row: int, options: ReadOptions) -> str:
-        """Return the place of a row, for messages; a row of a text is counted in its piece."""
+        """Return the place of a row for messages; rows of texts are counted within their piece."""
         if not self.text:
             return _row_of(self.file.path, 0, row)
         for rows, first in self.rows(options):
             if row < first + len(rows.times.value):
                 return rows.where(row - first)
-        return self.file.path  # it has changed meanwhile
+        return self.file.path  # the file has changed meanwhile

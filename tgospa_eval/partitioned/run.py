@@ -1,6 +1,6 @@
 """Stages of a partitioned evaluation: scan, find components, shuffle, solve, add up.
 
-The tracks of all blocks get global numbers. Each component of them is put into a shard.
+The tracks of all blocks get global numbers. Each component of tracks is put into a shard.
 """
 
 import json
@@ -43,7 +43,7 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Ids and pairs of blocks that are handled together: each batch is a pass over all tracks."""
+"""Ids or pairs of blocks in one batch; each batch is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,11 +53,11 @@ class Tracks:
     Parameters
     ----------
     ids : (k,) array of str
-        In the order in which reading one file numbers them.
+        Ids in the order in which reading one file numbers them.
     rows, evaluated : (k,) int arrays
-        How many rows they have, and how many of these are evaluated.
+        Numbers of all rows and of evaluated rows of each track.
     numbers : list of Path
-        Of each block the file with the numbers of its tracks.
+        For each block, the file with the global numbers of its tracks.
     """
 
     ids: NDArray[np.str_]
@@ -85,7 +85,7 @@ def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
 
 
 def _natural_order(ids: NDArray[np.str_]) -> Ints:
-    """Return the order of distinct ids, 2 before 10; plain numbers are sorted at once."""
+    """Return the natural order of distinct ids (2 before 10); plain numbers are sorted at once."""
     try:
         numbers = ids.astype(np.int64)
     except (ValueError, OverflowError):
@@ -99,16 +99,16 @@ def _natural_order(ids: NDArray[np.str_]) -> Ints:
 def make_shards(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks, size: int
 ) -> tuple[Ints, Ints, dict[str, int]]:
-    """Put components, in the order of their first truths, into shards of some `size` entries.
+    """Put components, in the order of their first truths, into shards of about `size` entries.
 
     Returns
     -------
     of_truth : (m,) int array
-        Shard of each truth, -1 for those without a near pair.
+        Shard of each truth, -1 for truths without a near pair.
     entries : (N,) int array
         Entries of each shard.
     sizes : dict of str to int
-        Numbers of pairs, of their steps and of components, as a result has them.
+        Numbers of pairs, of steps of pairs and of components, as in a result.
     """
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
@@ -119,14 +119,14 @@ def make_shards(
     for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
-        # The root of a component is its least node, also of those made of components.
+        # The root of a component is its smallest node, even if it joins earlier components.
         root = connected_components(root[truth], root[estimate + m], m + n)[root]
         again = several[0][truth] & several[1][estimate]
         once += len(again) - int(np.count_nonzero(again))
         key = truth[again].astype(np.int64) * max(n, 1) + estimate[again]
         often = np.unique(np.concatenate((often, key)))
     paired = np.flatnonzero(by_truth)
-    _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
+    _, component = np.unique(root[paired], return_inverse=True)  # the root is the first truth
     entries = np.bincount(component, by_truth[paired]).astype(np.int64)
     group = (np.cumsum(entries) - entries) // size
     _, shard = np.unique(group, return_inverse=True)
@@ -142,7 +142,7 @@ def make_shards(
 
 
 def _in_several(side: Tracks) -> Mask:
-    """Return a mask of tracks that are in more than one block: only pairs of these may be, too."""
+    """Return a mask of the tracks in several blocks: only their pairs can be in several blocks."""
     count = np.zeros(len(side.ids), np.int32)
     for path in side.numbers:
         count[np.load(path)] += 1
@@ -152,7 +152,7 @@ def _in_several(side: Tracks) -> Mask:
 def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Yield truths, estimates and entries of the pairs of each block."""
+    """Yield truths, estimates and numbers of entries of the pairs of each block."""
     for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
@@ -162,24 +162,24 @@ def _near_tracks(
 # Progress of the stages.
 
 OUTWARD = 1e-12
-"""Relative widening of bounds that are shown: sums of sums are off by less."""
+"""Relative widening of displayed bounds, which is larger than the error of nested sums."""
 
 
 SHOWN_FROM = 0.01
-"""Share of the work that has to be done before the time left is shown."""
+"""Share of the work after which the time left is shown."""
 
 
 class Stages:
-    """Runs the tasks of each stage, and reports progress, the time left and the bounds so far.
+    """Runner of the tasks of each stage, with reports of progress, time left and bounds so far.
 
     The reports go to the stopwatch and its `progress`.
 
     Parameters
     ----------
     stopwatch : Stopwatch
-        Of the work.
+        Stopwatch of the work.
     engine : PersistentPool, optional
-        Where tasks are done; in this process by default.
+        Pool of processes that do tasks; by default this process does them.
     """
 
     def __init__(self, stopwatch: Stopwatch, engine: PersistentPool | None = None) -> None:
@@ -204,14 +204,14 @@ class Stages:
         Parameters
         ----------
         name : str
-            What is done in it, in a word: ``"solving"``.
+            One word for the work of the stage: ``"solving"``.
         tasks : mapping of str to Task
-            By their outputs, in the order in which to begin. What is there already is known to be
-            done.
+            Tasks by their outputs, in the order in which to begin. A task whose output exists is
+            done already.
         amounts : sequence of float, optional
-            How much work each is, in entries.
+            Work of each task, in entries.
         sums_of : callable
-            What is proven by one that is done, from its output.
+            Function that receives the output of a finished task and returns its proven sums.
         """
         amounts = amounts or [1.0] * len(tasks)
         if self.engine is not None and len(tasks) > 1 and max(amounts) > HEAVY:
@@ -226,7 +226,7 @@ class Stages:
         run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
     def end_workers(self) -> None:
-        """End the workers: from now on this process has all the memory, and does all the work."""
+        """End the workers, so that this process has all the memory and does the remaining work."""
         if self.engine is not None:
             self.engine.close()
             self.engine = None
@@ -245,14 +245,14 @@ class Stages:
         self._show()
 
     def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
-        """Start with the cost of leaving all unassigned, before shares are proven.
+        """Set the first upper bound, the cost of leaving all objects unassigned.
 
         Parameters
         ----------
         parameters : Parameters
-            Of the metric.
+            Parameters of the metric.
         objects : pair of int
-            All states of truth and of estimate.
+            Numbers of all states of truth and of estimate.
         """
         self._prices = parameters.unassigned_prices
         self._proven = {"": (0.0, self._unassigned(*objects))}
@@ -263,14 +263,14 @@ class Stages:
         return self._prices[0] * truths + self._prices[1] * estimates
 
     def prove(self, share: PartialSums, name: str) -> None:
-        """Record the bounds of a share, the upper one with all other objects unassigned.
+        """Record the bounds of a share; its upper bound leaves all other objects unassigned.
 
         Parameters
         ----------
         share : PartialSums
-            What is proven.
+            Proven sums of the share.
         name : str
-            Name of the share; replaces what was proven of it before.
+            Name of the share; its earlier sums are replaced.
         """
         free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
         self._proven[name] = share.bracket[0], share.total - free
@@ -301,31 +301,31 @@ def add_up(
     constants: Problem,
     parameters: Parameters,
 ) -> tuple[Costs, tuple[Ints, Ints], tuple[Ints, Ints], int]:
-    """Add up all shards, in order, and the objects that are in none.
+    """Add up all shards, in order, and the objects that are in no shard.
 
     Parameters
     ----------
     folders : sequence of Path
-        What `solve_shard` wrote.
+        Folders that `solve_shard` wrote.
     blocks : sequence of Scanned
         All blocks.
     steps : int
-        T.
+        Number T of steps.
     constants : Problem
-        Has errors and rounding of the whole.
+        Problem with the errors and rounding of the whole.
     parameters : Parameters
-        Of the metric.
+        Parameters of the metric.
 
     Returns
     -------
     proof : Costs
-        As `certify` gives them.
+        Costs as `certify` returns them.
     objects : pair of (T,) int arrays
         Truths and estimates at each step.
     unjudged : pair of (T,) int arrays
-        Those of them that are ignored and excused.
+        Ignored truths and excused estimates at each step.
     iterations : int
-        Of all shards.
+        Sum of the iterations of all shards.
     """
     counted = np.zeros((2, 2, steps), np.int64)
     for block in blocks:
@@ -376,7 +376,7 @@ def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
 
 
 def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
-    """Return what each track contributes, its rows without a near pair included."""
+    """Return the costs of each track, including its rows without a near pair."""
     costs = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
     rest = tracks.evaluated.copy()
     for path in existing_files(folders, f"{name}.npz"):
@@ -391,10 +391,10 @@ def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: floa
 
 
 SCANNED = "scan"
-"""Folder, in that of the work, of the blocks that were read."""
+"""Subfolder of the folder of work, for the blocks that were read."""
 
 HEAVY = 50_000
-"""Entries of a task from which workers start at once if there are several tasks."""
+"""Entries of the largest task above which workers start at once, if there are several tasks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -408,25 +408,25 @@ class Evaluated:
     objects : pair of (T,) int arrays
         Truths and estimates at each step.
     unjudged : Unjudged, optional
-        Those of them that are not judged, if there are any.
+        Truths and estimates that are not evaluated, if any.
     tracks : pair of Tracks
-        Those of truth and estimate.
+        Tracks of truth and of estimate.
     track_costs : pair of PerTrack
-        What each of these contributes.
+        Costs of each of these tracks.
     sizes : dict of str to int
-        How many near pairs, steps of these and components there are.
+        Numbers of near pairs, of steps of near pairs and of components.
     folders : list of Path
-        One for each shard, with the table of its switches.
+        Folder of each shard, with the table of its switches.
     assigned : list of Path
         Files of assigned pairs.
     beside : dict of dict of arrays
-        Sums of what these have beside their cost, as of `sums_beside`.
+        Sums of further values of assigned pairs, from `sums_beside`.
     nees : NeesSums, optional
-        Whether covariances say how large errors are.
+        NEES, which shows whether covariances match the errors.
     iterations : int
-        Of the solvers of all shards.
+        Sum of the solver's iterations of all shards.
     constants : Problem
-        Has errors and rounding of the whole.
+        Problem with the errors and rounding of the whole.
     """
 
     proof: Costs
@@ -446,30 +446,30 @@ class Evaluated:
 def scan_parts(
     plan: BlockPlan, work: Path, share: Share, stages: Stages
 ) -> tuple[list[list[Json]], list[Scanned]]:
-    """Read all blocks of whole steps and find near pairs; each time of a side is in one block.
+    """Read all blocks of whole steps and find near pairs; blocks do not share times of a side.
 
     Parameters
     ----------
     plan : BlockPlan
         Both sides along the steps.
     work : Path
-        The folder of what is known on the way; what is there is not done again.
+        Folder of intermediate results; those that exist are not computed again.
     share : Share
         Memory of each worker.
     stages : Stages
-        Does the tasks.
+        Runner of the tasks.
 
     Returns
     -------
     read : list of pairs of dict
-        What `scan` says of the rows of each block, of either side.
+        Facts about the rows of each block from `scan`, for each side.
     blocks : list of Scanned
-        What is known of the blocks.
+        Facts about the blocks.
 
     Raises
     ------
     TgospaError
-        Something is wrong with the data, or a process died.
+        The data are wrong, or a process died.
     """
     with stages.stopwatch.span("distances"):
         tasks: dict[str, Task] = {
@@ -573,9 +573,9 @@ def _shuffle(
 def _beside(
     work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
 ) -> Iterator[NDArray[np.void]]:
-    """Yield the assigned pairs of each range of steps with the values beside their cost, if any.
+    """Yield the assigned pairs of each range of steps with their further values, if any.
 
-    They are written as well, and their files replace those in `assigned`.
+    The pairs are also written into files, which replace the files in `assigned`.
     """
     if not any((block.folder / BESIDE).exists() for block in blocks):
         return

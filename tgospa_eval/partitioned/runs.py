@@ -1,7 +1,7 @@
-"""Rows of a side in order of time: runs of bounded size, each sorted, from which blocks are read.
+"""Rows of a side sorted by time: runs of bounded size, from which blocks are read.
 
-The files of a side are read once. As many rows as are worked on together are sorted by time and
-written as a run; a block takes its share of each run, which is one range.
+The files of a side are read once. As many rows as are processed together are sorted by time and
+written as a run. A block takes one range of rows from each run.
 """
 
 import json
@@ -28,7 +28,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.partitioned.files import File, FilePiece
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22
@@ -42,15 +42,15 @@ class Timestamps:
     Parameters
     ----------
     value : (T,) int64 or float64 array
-        Strictly increasing, as the files have them.
+        Strictly increasing times, as in the files.
     count : (T,) int64 array
-        Rows at each.
+        Rows at each time.
     clock : {"number", "local", "zoned"}
-        What they are.
+        Kind of the times.
     label : (T,) array of bytes, optional
-        Their texts in UTF-8, where they are no numbers; of equal times the first in the files.
+        Texts in UTF-8, if the times are not numbers; of equal times the first text in the files.
     source : str
-        The file that they, or the first of them, are from.
+        File of the first of these times.
     """
 
     value: TimeArray
@@ -71,9 +71,9 @@ NO_TIMESTAMPS = Timestamps(
 
 
 def timestamps_of(times: Times, source: str) -> Timestamps:
-    """Return the distinct times of rows that are in the order of their file."""
+    """Return the distinct times of rows, which are in the order of their file."""
     value, label = times.value, None
-    if times.text is None and (value[1:] >= value[:-1]).all():  # as most programs write them
+    if times.text is None and (value[1:] >= value[:-1]).all():  # the usual case
         begins = np.flatnonzero(np.append(True, value[1:] > value[:-1])[: len(value)])
         count = np.diff(np.append(begins, len(value)))
         begun = value[begins]
@@ -87,12 +87,12 @@ def timestamps_of(times: Times, source: str) -> Timestamps:
 
 
 def merged_timestamps(parts: Iterable[Timestamps]) -> Timestamps:
-    """Return the distinct times of all parts, given in the order of the files.
+    """Return the distinct times of all parts, which are in the order of the files.
 
     Raises
     ------
     InputError
-        They are of several kinds.
+        The times are of several kinds.
     """
     whole = NO_TIMESTAMPS
     for some in in_batches(parts, lambda part: len(part.value), PENDING):
@@ -109,7 +109,7 @@ def _merged(given: Sequence[Timestamps]) -> Timestamps:
         if part.clock != first.clock:
             raise InputError(
                 f"{part.source}: its times are {CLOCKS[part.clock]}, and those of {first.source} "
-                f"are {CLOCKS[first.clock]}; write those of all files alike"
+                f"are {CLOCKS[first.clock]}; write all times in one kind"
             )
     value = in_one_type([(part.value, part.source) for part in filled])
     count = np.concatenate([part.count for part in filled])
@@ -127,25 +127,25 @@ def _merged(given: Sequence[Timestamps]) -> Timestamps:
 
 
 def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
-    """Concatenate times of several sources: integers, or doubles if some are.
+    """Concatenate times of several sources, as integers, or as doubles if any source has doubles.
 
     Raises
     ------
     InputError
-        An integer beside doubles is too large for one.
+        An integer that is joined with doubles is too large to be exact as a double.
     """
     if len({value.dtype for value, _ in parts}) > 1:
         for value, source in parts:
             if value.dtype.kind == "i" and len(value) and np.abs(value).max() >= EXACT_BELOW:
                 raise InputError(
-                    f"{source}: has integer times that are not exact beside the decimal times of "
+                    f"{source}: has integer times that are not exact next to the decimal times of "
                     "other files; write all times as 64-bit integers"
                 )
     return np.concatenate([value for value, _ in parts])
 
 
 def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
-    """Concatenate rows of parts with the same columns; `name` is that of the whole."""
+    """Concatenate rows of parts with the same columns; `name` is the name of the whole."""
     ends = list(accumulate(len(part.times.value) for part in parts))
     roles = parts[0].roles
     numbers = np.empty((ends[-1], len(roles.numbers)), order="F")
@@ -178,14 +178,14 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
 
 
 def joined(parts: Sequence[Values]) -> Values:
-    """Concatenate attributes: numbers, or texts if some are, with blanks in place of numbers."""
+    """Concatenate attributes; if some are texts, numbers become blanks."""
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
     return cast(Values, np.concatenate(parts))
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """Return rows with all requested attributes that are not columns of numbers."""
+    """Return rows with those requested attributes that are not columns of numbers."""
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}
@@ -194,7 +194,7 @@ def with_attributes(rows: Rows) -> Rows:
 
 
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
-    """Return the names that occur, in natural order, and the number of each row's name."""
+    """Return the names that occur, in natural order, and the number of the name of each row."""
     if len(parts) == 1:
         return parts[0]
     names: list[str] = []
@@ -215,7 +215,7 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
 def write_runs(
     output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
 ) -> None:
-    """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
+    """Write the rows of pieces, in order of the files, as runs of at least `rows_together` rows."""
     read = (
         (with_attributes(rows) if options.attributes else rows, first, piece)
         for piece in pieces
@@ -234,9 +234,9 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     Parameters
     ----------
     folder : Path
-        The folder to make.
+        Folder to create.
     run : sequence of tuple
-        Consecutive rows, the number of the first among those of its piece, and the piece.
+        Consecutive rows, the number of the first of them in its piece, and the piece.
     """
     parts = [rows for rows, _, _ in run]
     begins = accumulate((len(rows.times.value) for rows in parts), initial=0)
@@ -275,7 +275,7 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
 
 
 def _kind(rows: Rows, name: str) -> str:
-    """Return whether an attribute has "numbers" or "texts"; "" where all are missing."""
+    """Return "numbers" or "texts", the kind of an attribute, or "" if all values are missing."""
     values = rows.attributes[rows.roles.attributes[name]]
     if values.dtype.kind != "f":
         return "texts"
@@ -301,7 +301,7 @@ def run_names(folders: Iterable[Path], name: str) -> list[str]:
         if {"numbers", "texts"} <= present:
             raise InputError(
                 f"{name}, column {quoted(attribute)}: some parts have numbers alone and some have "
-                "texts, so they are not compared alike; write texts that are no numbers, or "
+                "texts, so they are not compared alike; write texts that are not numbers, or "
                 "evaluate a part that fits into memory as one file"
             )
     return sorted(classes, key=natural)
@@ -317,18 +317,18 @@ def run_timestamps(folder: Path) -> Timestamps:
 def run_rows(
     folder: str, span: tuple[int | float, int | float], roles: Roles, options: ReadOptions
 ) -> Rows | None:
-    """Read the rows of a run in a range of time; return None if there are none.
+    """Read the rows of a run in a range of time, or return None if it has none there.
 
     Parameters
     ----------
     folder : str
-        The run.
+        Folder of the run.
     span : pair of numbers
-        The first and the last time.
+        First and last time.
     roles : Roles
-        Of the columns.
+        Roles of the columns.
     options : ReadOptions
-        How its files were read.
+        Options with which its files were read.
     """
     path = Path(folder)
 

@@ -1,4 +1,4 @@
-"""Blocks of time: their steps, the rows that are read for them, near pairs and objects."""
+"""Blocks of time: their steps, the rows read for them, near pairs and objects."""
 
 import itertools
 import json
@@ -25,9 +25,9 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.sides import PartsSide
 from tgospa_eval.problem.problem import Problem
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
-from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.coverage import row_sums
 from tgospa_eval.tracks.interpolation import find_times
@@ -35,7 +35,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def read_times(side: PartsSide, span: slice) -> Reading:
-    """Read the rows at some of the times of a side, which may be none."""
+    """Read the rows in a range of the times of a side, which may be empty."""
     times = side.times[span]
     return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
@@ -48,20 +48,20 @@ def places(times: Times, first: float, last: float) -> slice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockPiece:
-    """Consecutive steps, and the times of both sides that are read for them.
+    """Consecutive steps, and the times of both sides to read for them.
 
     Parameters
     ----------
     low : int
-        The number of the first step.
+        Number of the first step.
     times : (L,) array
-        The steps; there may be none.
+        The steps, possibly none.
     sides : pair of PartsSide
         Truth and estimate.
     spans : pair of slice
-        The range of their times that is read.
+        Ranges of the times of both sides to read.
     step : pair of int arrays
-        Step in the block of each of these, -1 for none.
+        Step in the block of each time in these ranges, -1 for no step.
     """
 
     low: int
@@ -76,7 +76,7 @@ class BlockPiece:
         return first, second
 
     def at(self, which: int, trajectories: Trajectories) -> tuple[Trajectories, int]:
-        """Return the rows of a side that are at steps, and their number."""
+        """Return the rows of a side that are at steps, and the number of these rows."""
         step = self.step[which]
         on = step >= 0
         place, there = find_times(
@@ -98,11 +98,11 @@ class BlockPlan:
     sides : pair of PartsSide
         Truth and estimate.
     step : pair of int arrays
-        Step of each of their times, -1 for none.
+        Step of each time of both sides, -1 for no step.
     request : EvaluationRequest
         The request.
     names : pair of str
-        The sides, for messages.
+        Names of the sides, for messages.
     """
 
     times: Times
@@ -113,7 +113,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both at each step (T,), with those between it and the next."""
+        """Number of rows of both sides from each step (T,) until before the next step."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -124,7 +124,7 @@ class BlockPlan:
 
     @cached_property
     def timestamps(self) -> tuple[Times, ...]:
-        """Times of both sides; those that are steps are equal to the times of the steps."""
+        """Times of both sides; a time that is matched to a step equals the time of that step."""
         of_sides = []
         for side, step in zip(self.sides, self.step, strict=True):
             timestamps = side.times.astype(np.result_type(side.times, self.times))
@@ -142,7 +142,7 @@ class BlockPlan:
             yield self._between(timestamps[begin].item(), timestamps[end - 1].item())
 
     def piece(self, low: int, high: int) -> BlockPiece:
-        """Return the piece of some steps."""
+        """Return the piece with the steps from number `low` until before `high`."""
         return self._between(self.times[low].item(), self.times[high - 1].item())
 
     def _between(self, first: float, last: float) -> BlockPiece:
@@ -161,10 +161,10 @@ class BlockPlan:
 
 
 # -------------------------------------------------------------------------------------------------
-# The steps of both sides, from their timestamps.
+# Steps of both sides, from their timestamps.
 
 STAMP = "stamp"
-"""Attribute of timestamps that are rows: their numbers."""
+"""Attribute with the number of each timestamp, for timestamps that are treated as rows."""
 
 
 def find_steps(
@@ -180,16 +180,16 @@ def find_steps(
     sides : pair of PartsSide
         Truth and estimate.
     clocks : pair of Trajectories
-        What `clock_of` makes of them.
+        Timestamps of both sides, from `clock_of`.
     request : EvaluationRequest
         The request.
     names : pair of str
-        The sides, for messages.
+        Names of the sides, for messages.
 
     Raises
     ------
     TgospaError
-        There is none, or something is wrong with the data.
+        There is no step, or the data are wrong.
     """
     matching = request.time_matching
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
@@ -204,7 +204,7 @@ def find_steps(
         axis = replace(axis, horizon=grid.truth)
     if grid.union and not len(grid.truth.times):
         raise ConfigError(
-            f"{option('grid', matching.grid)}: no step is left, none of {grid.union:,} counts"
+            f"{option('grid', matching.grid)}: no step is left, 0 of {grid.union:,} count"
         )
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
     sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
@@ -213,7 +213,7 @@ def find_steps(
 
 
 def clock_of(side: PartsSide) -> Trajectories:
-    """Return the timestamps of a side as a track that has a row at each."""
+    """Return the timestamps of a side as one track with a row at each timestamp."""
     size = len(side.times)
     return Trajectories(
         step=np.arange(size, dtype=np.int32),
@@ -229,7 +229,7 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Return the step of each timestamp of a side, -1 for none, from the aligned `clock_of`."""
+    """Return the step of each timestamp of a side from its aligned `clock_of`, -1 for no step."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
@@ -237,7 +237,7 @@ def _step_of(side: PartsSide, on: Trajectories) -> Ints:
 
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
-"""Tracks that come near each other, by their numbers in a block, and at how many steps."""
+"""Pair of tracks that come near each other: their numbers in a block, and their near steps."""
 
 
 def fitted(
@@ -251,28 +251,28 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scanned:
-    """Facts about a block beside its entries.
+    """Facts about a block, without its entries.
 
     Parameters
     ----------
     first : int
-        Number of its first step.
+        Number of the first step.
     objects : pair of (L,) int arrays
         Truths and estimates at each step.
     unjudged : pair of (L,) int arrays
-        How many of these are not evaluated.
+        Truths and estimates that are not evaluated, at each step.
     near : int
-        Pairs of tracks that come near each other.
+        Number of pairs of tracks that come near each other.
     slack : float
-        As `Problem.cost_slack`.
+        Value of `Problem.cost_slack`.
     blur : float
-        As `Distance.last_place`; infinite without objects.
+        Value of `Distance.last_place`; infinite without objects.
     at_cutoff : int
-        As of `Problem`.
+        Value of `Problem.at_cutoff`.
     counting : tuple of int
         `row_sums` of the truth at the steps.
     folder : Path
-        Where it was read from.
+        Folder of the block.
     """
 
     first: int
@@ -286,11 +286,11 @@ class Scanned:
     folder: Path
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read an array that grows with the tracks, and is not kept in memory.
+        """Read an array that grows with the number of tracks, and is not kept in memory.
 
-        They are ``"pairs"``, tracks that come near each other (PAIR); and of either role
-        ``"truth_ids"``, the tracks that have a row (k,), how many rows they have,
-        ``"truth_rows"``, and how many of these are not judged, ``"truth_unjudged_rows"``.
+        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). Each role has the ids
+        of tracks with a row, ``"truth_ids"`` (k,), the numbers of their rows, ``"truth_rows"``,
+        and the numbers of rows that are not evaluated, ``"truth_unjudged_rows"``.
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]
@@ -298,7 +298,7 @@ class Scanned:
 
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
-        """Read what `scan` wrote."""
+        """Read the file that `scan` wrote."""
         with np.load(folder / "block.npz") as arrays:
             both = {
                 name: (arrays[f"truth_{name}"], arrays[f"estimate_{name}"])
@@ -317,10 +317,10 @@ class Scanned:
 
 
 BESIDE = "beside.npz"
-"""File of a block with the values that its near pairs have beside their cost, if any."""
+"""File of a block with the further values of its near pairs, if any."""
 
 READ = "read.json"
-"""File of a block with facts about the rows that were read: a record for each side."""
+"""File of a block with facts about the rows that were read, one record for each side."""
 
 
 def scan(
@@ -331,18 +331,18 @@ def scan(
     Parameters
     ----------
     output : str
-        The folder that is written: `READ`, and what `Scanned` has.
+        Folder to write: `READ`, and the fields and arrays of `Scanned`.
     piece : BlockPiece
-        Which steps, and what is read of truth and estimate.
+        Steps of the block, and the times to read of truth and estimate.
     request : EvaluationRequest
         The request.
     names : pair of str
-        The sides, for messages.
+        Names of the sides, for messages.
 
     Raises
     ------
     TgospaError
-        Something is wrong with the data.
+        The data are wrong.
     """
     readings = piece.read()
     sides = readings[0].trajectories, readings[1].trajectories
@@ -397,7 +397,7 @@ def _write_block(folder: Path, low: int, fitted: AlignedPair, request: Evaluatio
 
 
 def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
-    """Return near pairs, their problem, and the values that each pair has beside its cost."""
+    """Return near pairs, their problem, and the further values of each pair."""
     aligned, parameters = sides.alignment, request.parameters
     near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Resources(jobs=1))
     problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
@@ -413,12 +413,12 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
     reduced = aligned.truth.reduced_to(request.kinds), aligned.estimate.reduced_to(request.kinds)
     spread = reduced[1].spread
     if spread is not None:
-        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: as in memory
+        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: seldom used
 
         periods = periods_in(distance, reduced[0].columns)
         spreads = reduced[0].spread, spread
         beside[NEES] = nees_of((reduced[0].state, reduced[1].state), spreads, rows, periods)
-        if unjudged is not None:  # an ignored truth tells nothing about errors
+        if unjudged is not None:  # an ignored truth does not measure errors
             beside[NEES][unjudged[0][rows[0]]] = np.nan
     return near, problem, beside
 
@@ -436,7 +436,7 @@ def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
 def constants(
     request: EvaluationRequest, columns: tuple[str, ...], blocks: Sequence[Scanned]
 ) -> Problem:
-    """Return a problem without entries that has the constants of the whole: errors, rounding."""
+    """Return a problem without entries that has the errors and rounding of the whole."""
     parameters, none = request.parameters, np.zeros(0, np.int32)
     nothing = Trajectories.of_times(np.zeros(0), columns, "number")
     pairs = Pairs(truth_row=none, estimate_row=none, distance=np.zeros(0))

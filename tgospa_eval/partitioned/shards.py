@@ -1,4 +1,4 @@
-"""Shards: components as a problem of their own, solved and proven, and what it contributes."""
+"""Shards: groups of components that are solved and proven separately, and their costs."""
 
 import math
 import time
@@ -24,33 +24,32 @@ from tgospa_eval.solvers.certified import Certified
 ENTRY = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
 )
-"""A near pair: global numbers of step and tracks, (d / c)^p, and marks of ignored states."""
+"""Type of near pairs: global numbers of step and tracks, (d / c)^p, and bits of ignored states."""
 
 IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
-"""Bits of marks: see `problem.metric_family.ignore_states`."""
+"""Bits in `marks`: see `problem.metric_family.ignore_states`."""
 
 Table = NDArray[np.void]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartialSums(Breakdown):
-    """Contribution of some components from a step on: a breakdown and a lower bound.
+    """Contribution of some components, from a step on: a breakdown and a lower bound.
 
-    Objects are the rows (track and step) that have a near pair in these components and are
-    evaluated.
+    Objects here are the evaluated rows (track and step) with a near pair in these components.
 
     Parameters
     ----------
     first : int
-        The first of the L steps.
+        First of the L steps.
     truths, estimates : (L,) int arrays
-        Objects by step.
+        Number of objects at each step.
     lower : (B,) float array
-        Their sum is a proven lower bound of the cost, rounded outward.
+        Summands of a proven lower bound of the cost, rounded outward.
     iterations : int
-        Of the solver.
+        Iterations of the solver.
     solved : bool
-        Whether the solver came to its end.
+        Whether the solver finished.
     """
 
     first: int
@@ -73,17 +72,17 @@ class PartialSums(Breakdown):
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Both bounds, rounded to the nearest, for progress."""
+        """Lower and upper bound, rounded to the nearest double, for progress."""
         return math.fsum(self.lower), self.total
 
 
 PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
-"""Fields of `problem.solution.PerTrack`."""
+"""Names of the fields of `problem.solution.PerTrack`."""
 
 
 def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
-    """Write a table by the part that each of its rows belongs to, in the order they come in."""
-    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # the first: sorted by radix
+    """Write a table grouped by the part of each row; rows of a part keep their order."""
+    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # 16 bits are sorted by radix
     first = np.zeros(parts + 1, np.int64)
     np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
     np.save(folder / f"{name}.first.npy", first)
@@ -91,7 +90,7 @@ def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) ->
 
 
 def load_part(folder: Path, name: str, part: int | None = None) -> Table:
-    """Read one part of a table, or all."""
+    """Read one part of a table, or the whole table."""
     table = np.load(folder / f"{name}.npy", mmap_mode="r")
     if part is None:
         return np.array(table)
@@ -102,23 +101,23 @@ def load_part(folder: Path, name: str, part: int | None = None) -> Table:
 def sort_entries(
     output: str, *, scanned: str, numbers: Sequence[str], shard_of_truth: str, shards: int
 ) -> None:
-    """Write the entries of a block with global numbers, by shard and then by time.
+    """Write the entries of a block with global numbers, sorted by shard and then by time.
 
     Parameters
     ----------
     output : str
-        The folder that is written.
+        Folder to write.
     scanned : str
-        That of the block.
+        Folder of the block.
     numbers : pair of str
-        Files with the global numbers of its truths and estimates.
+        Files with the global numbers of the block's truths and of its estimates.
     shard_of_truth : str
-        The file with the shard of each truth.
+        File with the shard of each truth.
     shards : int
-        How many there are.
+        Number of shards.
     """
     entry = np.load(Path(scanned) / "entries.npy")
-    # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
+    # Blocks number their tracks in the global order, so entries of a step stay sorted.
     for name, path in zip(("truth", "estimate"), numbers, strict=True):
         entry[name] = np.load(path)[entry[name]]
     shard = np.load(shard_of_truth, mmap_mode="r")[entry["truth"]]
@@ -127,16 +126,16 @@ def sort_entries(
 
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
-"""A near pair that is assigned, and its weight."""
+"""Type of assigned near pairs, with their weight."""
 
 SWITCHED = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
 )
-"""As `problem.solution.Switches`."""
+"""Type of switches, like `problem.solution.Switches`."""
 
 
 NO_TIME = 1e-3
-"""Seconds that suffice for a bracket, and for no more."""
+"""Time limit in seconds that suffices for bounds, and only for them."""
 
 
 def solve_shard(
@@ -148,22 +147,22 @@ def solve_shard(
     solver: Certified,
     end: float | None = None,
 ) -> None:
-    """Solve and prove a shard, and write what it contributes.
+    """Solve and prove a shard, and write its contribution.
 
     Parameters
     ----------
     output : str
-        The folder that is written.
+        Folder to write.
     folders : tuple of str
-        Folders of the entries of all blocks, in order of time.
+        Folders of the entries of all blocks, sorted by time.
     number : int
-        Which shard.
+        Number of the shard.
     parameters : Parameters
-        Of the metric.
+        Parameters of the metric.
     solver : Certified
-        Its settings.
+        Solver with its settings.
     end : float, optional
-        In `time.time()`: what is reached by then is written.
+        Deadline in terms of `time.time()`; the bounds reached by then are written.
     """
     entry = np.concatenate([load_part(Path(folder), "entries", number) for folder in folders])
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
@@ -171,7 +170,7 @@ def solve_shard(
     problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    if end is not None:  # on a cluster clocks have to agree about as well as it is to be kept
+    if end is not None:  # the clocks of a cluster limit its precision
         solver = replace(solver, time_limit=max(end - time.time(), NO_TIME))
     solution = solver(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
@@ -201,13 +200,13 @@ def solve_shard(
 
 
 def evaluated_at_steps(problem: Problem, side: int) -> Ints:
-    """Count the objects of a side that are evaluated at each step."""
+    """Count the evaluated objects of a side at each step."""
     objects = problem.sides[side]
     return np.bincount(objects.step[objects.evaluated], minlength=problem.steps)
 
 
 def evaluated_rows(side: Objects) -> Ints:
-    """Count the rows of each track that are evaluated."""
+    """Count the evaluated rows of each track."""
     return np.bincount(side.track[side.evaluated], minlength=side.count)
 
 
@@ -224,18 +223,18 @@ def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
 def problem_of(
     entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
-    """Return entries as a problem of their own, whose objects are those that have an entry.
+    """Return entries as a separate problem, whose objects are those that have an entry.
 
     Parameters
     ----------
     entry : array of ENTRY
-        Sorted by (step, truth, estimate).
+        Entries sorted by (step, truth, estimate).
     first : int
-        The step that is its step 0.
+        Global number of the first step of the problem.
     numbers : pair of int arrays
-        Global numbers of its truths and of its estimates, sorted.
+        Global numbers of the problem's truths and of its estimates, sorted.
     parameters : Parameters
-        Of the metric.
+        Parameters of the metric.
     """
     step = entry["step"] - np.int32(first)
     rows: list[Ints] = []
@@ -252,7 +251,7 @@ def problem_of(
     ):
         track = np.searchsorted(known, entry[name]).astype(np.int64)
         key = step.astype(np.int64) * len(known) + track
-        if name == "truth":  # whose entries are neighbours
+        if name == "truth":  # entries of a truth at a step are consecutive
             fresh = np.diff(key, prepend=-1) != 0
             row, key = np.cumsum(fresh) - 1, key[fresh]
         else:
@@ -284,7 +283,7 @@ def problem_of(
 def tables_of(
     states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
 ) -> dict[str, Table]:
-    """Return the assignment with global numbers, by the names of the files."""
+    """Return tables of the assignment with global numbers, by the names of their files."""
     truths, estimates = numbers
     used = read_assigned(states, weights)
     assigned = np.empty(len(used.step), ASSIGNED_PAIR)

@@ -1,7 +1,7 @@
-"""One side that is read in parts: its times at once, its rows block by block.
+"""One side that is read in parts: all its times at once, its rows block by block.
 
-A block has the rows of a range of time as `formats.read` would give them if all files were one,
-whatever the files are, in which order and however their times overlap.
+A block has the same rows as that range of time of one file with all rows, as read by
+`formats.read`. Formats, the order of the files and overlaps of their times make no difference.
 """
 
 import hashlib
@@ -54,18 +54,18 @@ from tgospa_eval.partitioned.runs import (
     write_runs,
 )
 from tgospa_eval.partitioned.tasks import Run, Task
-from tgospa_eval.text import listed, option
+from tgospa_eval.quoting import listed, option
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
-"""Assumed length of a line of text: if lines are longer, runs have fewer rows."""
+"""Assumed bytes of a line of text; with longer lines, runs have fewer rows."""
 
 MIN_TEXT, MAX_TEXT = 1 << 12, 1 << 26
-"""Bytes of text that are read at once."""
+"""Smallest and largest number of bytes of text that are read at once."""
 
 PACKED_TO = 8
-"""Times its size to which a compressed text unpacks, about."""
+"""Approximate size of an unpacked text relative to its compressed size."""
 
 
 def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
@@ -74,7 +74,7 @@ def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
     Raises
     ------
     InputError
-        It is damaged, or lacks columns.
+        The file is damaged, or lacks columns.
     """
     return read_head(file, options)[1] if format == "csv" else open_table(file, options)[2]
 
@@ -94,26 +94,26 @@ def index_side(
     Parameters
     ----------
     format : {"csv", "parquet"}
-        Of the files.
+        Format of the files.
     files : sequence of File
-        In order.
+        The files, in order.
     options : ReadOptions
-        How to read them.
+        Options for reading them.
     store : Path
-        The folder of the index.
+        Folder of the index.
     rows_together : int
-        Rows of the blocks that will be read, about.
+        Approximate number of rows of the blocks that will be read.
     name : str
-        Of the side, for messages.
+        Name of the side, for messages.
     run : callable
-        Does tasks, as `partitioned.tasks.run_tasks`.
+        Function that does tasks, like `partitioned.tasks.run_tasks`.
 
     Raises
     ------
     InputError
-        A row is wrong, a file is damaged, or has other columns than the first.
+        A row is wrong, or a file is damaged or has other columns than the first file.
     ConfigError
-        Times cannot be converted, or are of another kind than --time.
+        Times cannot be converted, or differ in kind from those of --time.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
     tasks: dict[str, Task] = {
@@ -156,9 +156,9 @@ def index_side(
 def table_pieces(
     files: Sequence[File],
     options: ReadOptions,
-    rows_together: int,  # noqa: ARG001  (as `text_pieces`)
+    rows_together: int,  # noqa: ARG001  (same signature as `text_pieces`)
 ) -> list[tuple[FilePiece, int]]:
-    """Return the row groups of Parquet files that have rows, and how many each has."""
+    """Return the row groups of Parquet files that have rows, and the number of rows of each."""
     pieces = []
     first = side_roles("parquet", files[0], options)
     for file in files:
@@ -174,7 +174,7 @@ def table_pieces(
 def text_pieces(
     files: Sequence[File], options: ReadOptions, rows_together: int
 ) -> list[tuple[FilePiece, int]]:
-    """Return stretches of CSV files, and about how many rows each has."""
+    """Return stretches of CSV files, and the approximate number of rows of each."""
     size = min(max(rows_together * BYTES_OF_LINE, MIN_TEXT), MAX_TEXT)
     pieces = []
     first = side_roles("csv", files[0], options)
@@ -199,7 +199,7 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     Raises
     ------
     InputError
-        It has other columns.
+        The file has other columns.
     """
     if columns_in_use(roles) == columns_in_use(first):
         return
@@ -211,7 +211,7 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
 
 
 def columns_in_use(roles: Roles) -> list[str]:
-    """Return the headers of all columns that are read, in an order of their own."""
+    """Return the headers of all columns that are read, in a fixed order."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
     return [roles.headers[column] for column in (*columns, *roles.numbers, *roles.texts)]
 
@@ -223,27 +223,27 @@ class SideSteps:
     Parameters
     ----------
     raw, times : (T,) int64 or float64 arrays
-        Distinct times as the files have them, and on the clock of the evaluation.
+        Distinct times, as in the files and on the clock of the evaluation.
     counts : (T,) int64 array
-        Rows at each.
+        Rows at each time.
     labels : (T,) array of bytes, optional
-        Times as they are shown, in UTF-8, where they are no numbers.
+        Displayed times in UTF-8, if they are not numbers.
     texts : (T,) array of bytes, optional
-        Likewise as they were read.
+        Times as read, in UTF-8, if they are not numbers.
     converted : bool
-        Whether `times` are others than `raw`.
+        Whether `times` differ from `raw`.
     clock : {"number", "local", "zoned"}
-        What the times are.
+        Kind of the times.
     rows : int
         Rows of all files.
     classes : list of str
-        Classes of the rows, where they are requested or decide what is ignored.
+        Classes of the rows, if they are requested or decide which rows are ignored.
     left_out : dict of str to int
-        How many of them --time leaves out, by its rule.
+        Number of rows that --time leaves out, by rule.
     runs : list of str
-        Folders of the rows.
+        Folders of the runs, which have the rows.
     ends : (N, 2) array
-        First and last time of each, as the files have them.
+        First and last time of each run, as in the files.
     """
 
     raw: TimeArray
@@ -260,7 +260,7 @@ class SideSteps:
     ends: Floats | Ints
 
     def read_as(self, time: float) -> str | float:
-        """Return a time as the files have it."""
+        """Return a time as in the files."""
         at = int(np.searchsorted(self.times, time))
         read: str | float = self.raw[at].item() if self.texts is None else self.texts[at].decode()
         return read
@@ -274,7 +274,7 @@ def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
 def _save_steps(
     timestamps: Timestamps, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, object]:
-    """Write the steps of a side into a folder, and return further facts about them."""
+    """Write the steps of a side into a folder, and return more facts about them."""
     labels = None if timestamps.label is None else decoded(timestamps.label)
     times, shown = options.conversion.times(timestamps.value, timestamps.clock, labels, name)
     inside = np.ones(len(times), bool)
@@ -299,12 +299,12 @@ def _save_steps(
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """Read what `index_side` wrote; arrays stay in their files.
+    """Read the files of `index_side`; arrays stay in their files.
 
     Raises
     ------
     ConfigError
-        It was damaged since, or is not ours.
+        A file is damaged, or is not from this program.
     """
     folder = Path(store, "steps")
     paths = {key: folder / f"{key}.npy" for key in ("raw", "times", "counts", "labels", "texts")}
@@ -324,7 +324,7 @@ def steps_of(store: str) -> SideSteps:
     except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
         raise ConfigError(
             f"{folder}: is damaged, or was not made by this program ({error}); {option('force')} "
-            "begins anew"
+            "starts again"
         ) from None
 
 
@@ -339,19 +339,19 @@ class PartsSide:
     Parameters
     ----------
     path : str
-        The folder or file.
+        Folder or file of the side.
     format : {"parquet", "csv"}
-        Of its files.
+        Format of its files.
     options : ReadOptions
-        How to read it.
+        Options for reading it.
     store : str
-        The folder of its index.
+        Folder of its index.
     roles : Roles
-        Of the columns of the first file.
+        Roles of the columns of the first file.
     clock : {"number", "local", "zoned"}
-        What the times are; without any, what those of the other side are.
+        Kind of the times; for a side without times, the kind of the other side.
     marked : callable, optional
-        Marks the ignored states among those that were read.
+        Function that marks the ignored states of a reading.
     """
 
     path: str
@@ -379,24 +379,24 @@ class PartsSide:
 
     @property
     def counts(self) -> Ints:
-        """(T,) rows at each time, those included that take no part."""
+        """(T,) rows at each time, including rows that take no part."""
         return self.steps.counts
 
     @property
     def labels(self) -> NDArray[np.object_] | None:
-        """(T,) times as they are shown, where they are no numbers."""
+        """(T,) displayed times, if they are not numbers."""
         labels = self.steps.labels
         return None if labels is None else decoded(labels)
 
     def read(self, first: float, last: float) -> Reading:
-        """Read the rows from time `first` to `last`, both included, and count those left out.
+        """Read the rows from time `first` to `last`, both included, and count the rows left out.
 
-        Notices are left to `said`, which needs the counts of all blocks.
+        Notices come from `said`, which needs the counts of all blocks.
 
         Raises
         ------
         InputError
-            A row is wrong, an (id, t) is repeated, or a file is damaged; the message names them.
+            A row is wrong, an (id, t) is repeated, or a file is damaged; the message says where.
         """
         steps = self.steps
         begin = int(np.searchsorted(steps.times, first, side="left"))
@@ -410,7 +410,7 @@ class PartsSide:
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
         ids = rows.ids
-        if [*ids[0][:2]] == ["-1"]:  # other blocks may have others: see `check_ids`
+        if [*ids[0][:2]] == ["-1"]:  # other blocks may have more ids: see `check_ids`
             ids = np.array(["-1", ""], dtype=object), ids[1]
         rows = replace(
             rows,
@@ -436,12 +436,12 @@ class PartsSide:
         return replace(reading, trajectories=replace(trajectories, attributes=marks))
 
     def said(self, left_out: Mapping[str, int]) -> tuple[str, ...]:
-        """Return notices about a side of which all blocks are read.
+        """Return notices about the side after all its blocks were read.
 
         Parameters
         ----------
         left_out : mapping of str to int
-            Sums over the blocks, by rule (`Reading.left_out`).
+            Numbers of rows left out in all blocks, by rule (`Reading.left_out`).
         """
         which = self.options.on_duplicate
         rules = (*rules_said(), "duplicate")
@@ -459,19 +459,19 @@ class PartsSide:
         return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
-        """Check that the ids of all blocks are those of tracks.
+        """Check that the ids of all blocks are ids of tracks.
 
         Raises
         ------
         InputError
-            The only id is -1, as of detections.
+            The only id is -1, as in files of detections.
         """
         only = ids[0] if len(ids) == 1 else ""
         if only == "-1" and self.steps.rows > 1 and self.options.on_duplicate == "error":
             raise InputError(only_detections(self.path))
 
     def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
-        """Yield the rows of the runs in a range of time, in the order of the files."""
+        """Yield the rows of each run in a range of time, in the order of the files."""
         steps = self.steps
         first, last = steps.ends.T
         for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
@@ -494,24 +494,24 @@ def open_side(
     Parameters
     ----------
     path : path
-        A folder of Parquet or CSV files, with folders in it or without, or one such file.
+        A folder of Parquet or CSV files, which may have subfolders, or one such file.
     options : ReadOptions
-        How to read it.
+        Options for reading it.
     role : {"truth", "estimate"}
-        What it is.
+        Which side it is.
     work : Path
-        Folder for the index, and for rows in order of time; what is there already is used.
+        Folder for the index and the sorted rows. An index that is in it already is used.
     rows_together : int
-        Rows of the blocks that will be read, about.
+        Approximate number of rows of the blocks that will be read.
     run : callable
-        Does tasks, as `partitioned.tasks.run_tasks`.
+        Function that does tasks, like `partitioned.tasks.run_tasks`.
 
     Raises
     ------
     InputError
-        There is no file, one is wrong or damaged, or they do not fit one another.
+        No file exists, a file is wrong or damaged, or the files do not fit together.
     ConfigError
-        Something is asked for that needs all rows at once, or a package is missing.
+        An option needs all rows at once, or a package is missing.
     """
     name = os.fsdecode(path)
     format, files = files_of(name)
@@ -542,7 +542,7 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
 
 
 def _settled(options: ReadOptions) -> ReadOptions:
-    """Return options for rows whose times are converted and filtered already."""
+    """Return options for rows whose times are already converted and filtered."""
     conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
     return replace(options, time=None, conversion=conversion)
 

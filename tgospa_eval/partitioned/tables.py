@@ -1,8 +1,8 @@
-"""Tables of a result, written as Parquet in chunks: only one of them is in memory.
+"""Tables of a result, written as Parquet in chunks, with one chunk in memory at a time.
 
-Each has the columns of the CSV file of the same name (docs/reference/result-tables.md), and its
-rows in the same order. Arrays are in units of c^p, and tracks and steps are global numbers; here
-they get the units and names of the user.
+Columns and order of rows are those of the CSV file of the same name
+(docs/reference/result-tables.md). Arrays are in units of c^p with global numbers of tracks and
+steps; this module converts them to the units and names of the user.
 """
 
 import itertools
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
 
 
 ROW_GROUP = 1 << 17
-"""Rows of a row group, which are in memory when a table is written or read."""
+"""Rows of a row group, which is in memory when a table is written or read."""
 
 REPEATED = ("t", "weight", "mass")
-"""Columns of doubles with few values; others are smaller, and faster to write, without a dictionary
-of their values."""
+"""Columns of doubles with few distinct values, stored with a dictionary of their values. Other
+columns of doubles are smaller and faster to write without one."""
 
 
 Names: TypeAlias = Mapping[str, NDArray[Any]]
-"""Names of steps and tracks by their numbers: ``times``, as they were read, and the ids of
-``truths`` and ``estimates``. Texts are no objects, so that the arrays can be mapped from files."""
+"""Names of steps and tracks by their numbers: ``times`` as they were read, and ids of ``truths``
+and ``estimates``. Texts are not Python objects, so that the arrays can be mapped from files."""
 
 
 def _write_columns(path: str, columns: Arrays) -> None:
@@ -60,9 +60,9 @@ def _write_columns(path: str, columns: Arrays) -> None:
 
 
 def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: Parameters) -> None:
-    """Write the switches of all shards in the order of time: ``switches.parquet``.
+    """Write the switches of all shards, sorted by time: ``switches.parquet``.
 
-    Pieces have SWITCHED, whose estimates are -1 for none.
+    Pieces have the type SWITCHED; an estimate of -1 means no estimate.
     """
     price = parameters.scale * parameters.switch_price
 
@@ -89,24 +89,25 @@ def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: 
 def write_table(
     path: str, columns_of: Callable[[Any], dict[str, Any]], chunks: Iterable[Any], none: Any
 ) -> None:
-    """Write a table beside its place in row groups, and rename it: the same bytes each time.
+    """Write a table in row groups under a temporary name, and rename it: always the same bytes.
+
+    Row groups have `ROW_GROUP` rows, so that the file does not depend on the sizes of the chunks.
 
     Parameters
     ----------
     path : str
-        The file; its folder is made.
+        Path of the file; its folder is created if needed.
     columns_of : callable
-        The columns of a chunk by their names.
+        Function that returns the columns of a chunk by name.
     chunks : iterable
-        Rows in order, in pieces of any size; they are joined to row groups of `ROW_GROUP`, so
-        that the file does not depend on the size of the pieces.
+        Rows in order, in chunks of any size.
     none
-        A chunk without rows, which says what the columns are.
+        A chunk without rows, which defines the columns.
 
     Raises
     ------
     ConfigError
-        It cannot be written.
+        The file cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -115,7 +116,7 @@ def write_table(
         columns = columns_of(chunk).items()
         return pa.RecordBatch.from_pydict(
             {
-                k: _array(v, v != v if v.dtype.kind == "f" else None)  # NaN is blank
+                k: _array(v, v != v if v.dtype.kind == "f" else None)  # NaN becomes blank
                 if isinstance(v, np.ndarray)
                 else v
                 for k, v in columns
@@ -142,7 +143,7 @@ def write_table(
 
 
 def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Iterator[pa.Table]":
-    """Yield the rows in tables of `ROW_GROUP`; the last one has the rest."""
+    """Yield the rows in tables of `ROW_GROUP` rows; the last table has the rest."""
     import pyarrow as pa
 
     pending, rows = list[pa.RecordBatch](), 0
@@ -163,7 +164,7 @@ def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Ite
 def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     """Return names as an Arrow array.
 
-    It is made of buffers, as `pyarrow.array` imports pandas: 45 MB in each process.
+    It is built from buffers, because `pyarrow.array` imports pandas: 45 MB in each process.
     """
     import pyarrow as pa
 
@@ -171,7 +172,7 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     if names.dtype.kind in "iuf":
         kind = pa.from_numpy_dtype(names.dtype)
     else:
-        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)  # also of none
+        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)  # even if empty
         length = np.char.str_len(coded)
         letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
         values = [
@@ -184,13 +185,13 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
 
 
 # -------------------------------------------------------------------------------------------------
-# Assigned pairs and switches of all shards as tables in the order of time.
+# Assigned pairs and switches of all shards as tables sorted by time.
 
 ROWS_A_PART = 1 << 23
-"""Rows of a file of assigned pairs, but for those of its last step."""
+"""Rows of a file of assigned pairs; the rows of its last step may exceed this number."""
 
 ROWS_AT_ONCE = 1 << 15
-"""Rows that are brought into order at once, but for those of the last step of them."""
+"""Rows that are sorted at once; the rows of the last step may exceed this number."""
 
 ORDER = ("step", "truth", "estimate")
 
@@ -209,15 +210,15 @@ def write_part(
     Parameters
     ----------
     output : str
-        The file.
+        Path of the file.
     pieces : sequence of str
-        Files of ASSIGNED_PAIR, each by time.
+        Files of ASSIGNED_PAIR, each sorted by time.
     edges : (n + 1,) int array
-        The steps, cut into n stretches of `ROWS_AT_ONCE`.
+        Edges of n stretches of steps with about `ROWS_AT_ONCE` rows each.
     names : str
-        The folder of the names, each in a file NAME.npy.
+        Folder of the names, each in a file NAME.npy.
     parameters : Parameters
-        Of the metric.
+        Parameters of the metric.
     masked : bool
         Whether there are ignored states.
     """
@@ -225,7 +226,7 @@ def write_part(
         np.load(Path(names, f"{name}.npy"), mmap_mode="r")
         for name in ("times", "truths", "estimates")
     )
-    truths, estimates = map(_array, ids)  # once for all chunks: otherwise three times slower
+    truths, estimates = map(_array, ids)  # once for all chunks, which is three times faster
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         weight, cost = chunk["weight"], chunk["cost"]
@@ -246,7 +247,7 @@ def write_part(
 
 
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
-    """Yield the rows of all pieces by `ORDER`, one stretch between edges after the other."""
+    """Yield the rows of all pieces sorted by `ORDER`, one stretch between edges at a time."""
     opened = [np.load(piece, mmap_mode="r") for piece in pieces]
     for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         parts = [rows[_first(rows, low) : _first(rows, high)] for rows in opened]
@@ -255,27 +256,27 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
-        for rows in opened:  # pages of mapped files that were read would count as memory
+        for rows in opened:  # pages read from mapped files would count as memory
             if hasattr(rows.base, "madvise"):
                 rows.base.madvise(mmap.MADV_DONTNEED)
 
 
 def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
-    """Return the columns beside those of ASSIGNED_PAIR."""
+    """Return the columns in addition to those of ASSIGNED_PAIR."""
     return (kind.names or ())[len(ASSIGNED_PAIR.names or ()) :]
 
 
 def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
-    """Return the assigned pairs of a range of steps with the values that `scan` wrote for them.
+    """Return the assigned pairs of a range of steps, with the values that `scan` wrote for them.
 
     Parameters
     ----------
     block : Scanned
-        The range.
+        The range of steps.
     numbers : pair of int arrays
-        Global numbers of its truths and estimates, sorted.
+        Global numbers of its truths and of its estimates, sorted.
     pieces : sequence of str
-        Files of ASSIGNED_PAIR, each by time.
+        Files of ASSIGNED_PAIR, each sorted by time.
     """
     steps = np.array([block.first, block.first + len(block.objects[0])])
     rows = next(in_order(pieces, steps), np.zeros(0, ASSIGNED_PAIR))
@@ -298,16 +299,16 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
 def sums_beside(
     pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
-    """Add up the values beside the cost of assigned pairs, by `ORDER`; and those of NEES.
+    """Add up the further values of assigned pairs and their NEES, by each index of `ORDER`.
 
     Parameters
     ----------
     pieces : iterable
-        Outputs of `looked_up`, in the order of time.
+        Outputs of `looked_up`, sorted by time.
     sizes : sequence of int
-        Steps, truths and estimates.
+        Numbers of steps, truths and estimates.
     components : int
-        d, of the states.
+        Number d of components of a state.
     """
     by: dict[str, Arrays] = {index: {} for index in ORDER}
     nees: list[NeesSums] = []
@@ -335,7 +336,7 @@ def sums_beside(
 
 
 def _first(rows: NDArray[np.void], step: int) -> int:
-    """Return the first row of this step or of a later one, by bisection."""
+    """Return the first row of this step or of a later step, by bisection."""
     return bisect_left(rows, step, key=_step)
 
 
@@ -356,7 +357,7 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
 
 
 def existing_files(folders: Iterable[Path], name: str) -> list[Path]:
-    """Return the files of this name, of the folders that have one."""
+    """Return the files of this name in those folders that have one."""
     return [folder / name for folder in folders if (folder / name).exists()]
 
 
@@ -376,34 +377,34 @@ def write_tables(
     further: Mapping[str, Arrays],
     assignments: bool = True,
 ) -> StoredTables:
-    """Write the tables that are not there yet.
+    """Write the tables that do not exist yet.
 
     Parameters
     ----------
     folder : str
-        Where; its parent gets a folder `names` beside it.
+        Folder of the tables; a folder `names` is made next to it.
     names : Names
         Times and ids.
     proof : Costs
-        Of the whole.
+        Costs of the whole evaluation.
     tracks : pair of pairs
-        Of truths and estimates: at how many steps each exists, and what it contributes.
+        For truths and for estimates: the number of steps of each track, and its costs.
     shards : sequence of Path
-        Folders with ``switched.npy``, each by time.
+        Folders with ``switched.npy``, each sorted by time.
     run : callable
-        Does tasks.
+        Function that does tasks.
     assigned : sequence of Path
-        Files of assigned pairs, each by time.
+        Files of assigned pairs, each sorted by time.
     further : mapping
-        Further columns of steps, truths and estimates, by `ORDER`.
+        Further columns of steps, truths and estimates, by the names of `ORDER`.
     assignments : bool
-        Whether the table of assigned pairs is wanted, which is as long as the data; else it has no
-        rows.
+        Whether to fill the table of assigned pairs, which is as long as the data. Otherwise it has
+        no rows.
 
     Raises
     ------
     ConfigError
-        They cannot be written, or pyarrow is not installed.
+        A table cannot be written, or pyarrow is not installed.
     """
     if find_spec("pyarrow") is None:
         raise ConfigError(

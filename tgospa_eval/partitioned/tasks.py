@@ -1,4 +1,4 @@
-"""Tasks that write one output each, are skipped where it is there, and go on after a kill."""
+"""Tasks that write one output each and are skipped if it exists, so that killed work continues."""
 
 import os
 import shutil
@@ -12,21 +12,21 @@ from pathlib import Path
 from tgospa_eval.common.machine import release_freed
 from tgospa_eval.engines import PersistentPool, spread
 from tgospa_eval.errors import SolverError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 REMOVED = ".removed-"
-"""Begins the names of folders with what is being removed."""
+"""Prefix of folders whose content is being removed."""
 
 
 Task = Callable[[str], None]
-"""Writes one output, a file or folder of this path; a function of a module, as it travels."""
+"""Function that writes one output, a file or folder of the given path. It must be picklable."""
 
 Run = Callable[[Mapping[str, Task]], None]
-"""Does tasks, given by their outputs, in any order; a task that is done is not done again."""
+"""Function that does tasks in any order, given by their outputs; finished tasks are skipped."""
 
 
 def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
-    """Do a task; return its output, and False as no process died of it."""
+    """Do a task, and return its output and False, which means that its process has not died."""
     output, task = job
     if not os.path.exists(output):
         task(output)
@@ -43,21 +43,21 @@ def run_tasks(
     engine: PersistentPool | None = None,
     done: Callable[[str], None] = lambda output: None,  # noqa: ARG005
 ) -> None:
-    """Do the tasks whose output is not there.
+    """Do the tasks whose output does not exist.
 
     Parameters
     ----------
     tasks : mapping of str to Task
-        By their outputs, which they write by `writing`, in the order in which to begin.
+        Tasks by their outputs, which they write by `writing`, in the order in which to begin.
     engine : PersistentPool, optional
-        Where, once its patience is over; in this process by default.
+        Pool that does the tasks once its patience is over; by default this process does them.
     done : callable
-        Called with the output of each task when it is there.
+        Function that receives the output of each task when it exists.
 
     Raises
     ------
     SolverError
-        A process died of a task, most likely for want of memory.
+        A process died during a task, most likely from lack of memory.
     """
     left = deque[tuple[str, Task]]()
     for output, task in tasks.items():
@@ -76,23 +76,24 @@ def run_tasks(
     for output, lost in spread(do_task, left, _lost, engine):
         if lost:
             raise SolverError(
-                f"a process died of {os.path.basename(output)}, most likely for want of memory: "
-                f"allow less with {option('memory')}, or fewer processes with {option('jobs')}"
+                f"a process died during {os.path.basename(output)}, most likely from lack of "
+                f"memory: allow less with {option('memory')}, or fewer processes with "
+                f"{option('jobs')}"
             )
         done(output)
 
 
 @contextmanager
 def removing(work: Path, but: str = "") -> Iterator[None]:
-    """Remove the folders in a folder of work, but for one of this name.
+    """Remove the folders in a folder of work, except the one named `but`.
 
-    All lose their names first, then comes what is to be done meanwhile: however this is broken
-    off, nothing that is half there passes for done.
+    All folders are renamed before the body of the ``with`` runs, and removed after it. So an
+    interruption leaves no partly removed folder that would be taken for finished work.
 
     Raises
     ------
     OSError
-        Something cannot be moved.
+        A folder cannot be moved.
     """
     aside = Path(tempfile.mkdtemp(prefix=REMOVED, dir=work))
     for path in work.iterdir():

@@ -1,1 +1,1 @@
-"""The metric as a sparse linear programme, and what proves a bound of its optimum."""
+"""The metric as a sparse linear programme, and the proof of bounds of its optimum."""

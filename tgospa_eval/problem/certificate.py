@@ -1,17 +1,18 @@
-"""Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
+"""Proof: bounds of the optimum from the proposal of a solver, and the split of the cost.
 
-Everything works on the whole reduced problem, in compiled kernels or the same in NumPy.
-It knows no solver: no solver grades its own work.
+Everything works on the whole reduced problem, in compiled kernels or equivalently in NumPy.
+This module imports no solver, so that no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
-Blocks may be solved at a smaller cutoff. With V(C) the optimum, m_k truths and n_k estimates:
+Blocks may be solved at a smaller cutoff. Let V(C) be the optimum at C = c^p. At step k there are
+m_k true objects and n_k estimates, and nu_k is the size of a largest matching of near pairs. Then
 
-    V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   C = c^p,   0 < s < 1,
+    V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1,
 
-where a missed target costs A C and a false one B C, A + B = 1. For every cost is a sum,
-min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching of near pairs at step k
-(docs/theory/certificate.md, "Cutoffs far above the errors").
+where a missed target costs A C and a false target B C, with A + B = 1. The reason is that every
+cost is a sum, min(d^p, C) = min(d^p, s C) + rest (docs/theory/certificate.md, "Cutoffs far above
+the errors").
 """
 
 import math
@@ -42,7 +43,7 @@ from tgospa_eval.problem.states import (
 
 
 class UnassignedPrices:
-    """Prices of leaving the objects of each block unassigned."""
+    """Prices of leaving the true objects and estimates of each block unassigned."""
 
     def __init__(self, states: States) -> None:
         problem = states.problem
@@ -59,7 +60,7 @@ class UnassignedPrices:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
     def prices(self, block: int) -> list[float]:
-        """Return the price of each object of a block at each step."""
+        """Return the price of each true object and estimate of a block at each step."""
         prices: list[float] = []
         for (of_row, price), order in zip(self.sides, self.order, strict=True):
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
@@ -67,9 +68,18 @@ class UnassignedPrices:
         return prices
 
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
-        """Return terms of the sum over blocks of all prices but those of so many pairs each.
+        """Return ``A (m - g) + B (n - g)`` for each block, as terms that are rounded down.
 
-        Rounded down; for objects that are alike on either side.
+        This is the price of leaving all of a block unassigned except g pairs. The block has m
+        states of truths and n of estimates; each truth costs A and each estimate B (`alike`, which
+        must not be None). There is one term if A = B, otherwise one for each side.
+
+        Parameters
+        ----------
+        blocks : slice
+            Which blocks.
+        pairs : float array
+            The number g of each of these blocks.
         """
         first, second = self.alike or (0.0, 0.0)
         truths, estimates = (count[blocks] - pairs for count in self.counts)
@@ -80,7 +90,7 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Return the cost of truths and of estimates that are in no block, rounded down."""
+    """Return the cost of true objects and of estimates outside all blocks, rounded down."""
     totals = [0.0, 0.0]
     for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
         if (unpaired := blocks < 0).any():
@@ -93,13 +103,13 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Integer prices are split here into a high and a low half, whose sums do not overflow."""
+"""Base at which integer prices are split into two halves, whose sums do not overflow."""
 
 TERMS_TOGETHER = 64
-"""Terms of a cost that are added with rounding; sums of these are added without."""
+"""Number of terms of a cost that are added with rounding; their sums are added exactly."""
 
 LARGEST_PRICE = 1e100
-"""Prices above this are taken as 0."""
+"""Largest price that a proof uses; larger prices count as 0."""
 
 
 def certify(
@@ -107,31 +117,31 @@ def certify(
 ) -> tuple[Bounds, Ints, Breakdown]:
     """Prove ``sum A + sum B - Z(v) <= optimum <= cost of W`` from proposed weights W and prices v.
 
-    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``, for any v >= 0; both sides
-    are summed in forms that do not cancel (docs/theory/certificate.md).
+    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``, for any v >= 0. Both
+    bounds are summed in forms that do not cancel (docs/theory/certificate.md).
 
     Parameters
     ----------
     states : States
-        What was solved.
+        The solved problem.
     solution : Solution
-        What is proposed.
+        Proposed weights and prices.
     consume : bool
-        Whether the assignment may be made in the memory of the proposed weights, which are lost.
+        Whether the assignment may overwrite the memory of the proposed weights.
 
     Returns
     -------
     Bounds
-        In units of c^p.
+        Lower and upper bound, in units of c^p.
     weights : (S,) int array
         The feasible assignment, in units of 1/ONE.
     Breakdown
-        Its cost by step; sums to the upper bound but for its rounding.
+        Cost of the assignment by step. Its sum is the upper bound before this is rounded outward.
 
     Raises
     ------
     SolverError
-        The bounds contradict each other, which only a fault of this program can bring about.
+        The bounds contradict each other, which only a fault of this program can cause.
     """
     weights, lower, breakdown = prove(states, solution, consume=consume)
     problem = states.problem
@@ -148,14 +158,14 @@ def certify(
 def prove(
     states: States, solution: Solution, *, consume: bool = False
 ) -> tuple[Ints, Floats, Breakdown]:
-    """Compute what `certify` adds up, block by block.
+    """Compute the parts that `certify` adds up, block by block.
 
     Returns
     -------
     weights : (S,) int array
         The feasible assignment, in units of 1/ONE.
     lower : (B,) float array
-        Lower bound of the cost of each block, its objects at steps outside its window included.
+        Lower bound of the cost of each block, including its objects at steps outside its window.
     Breakdown
         Cost of the assignment.
     """
@@ -176,19 +186,21 @@ def feasible(states: States, proposed: Floats) -> Ints:
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """Return ``L / (1 + delta)``: a lower bound for exact costs, from one for computed costs.
+    """Return ``L / (1 + delta)``: a lower bound for exact costs, from L for computed costs.
 
-    All costs and switch prices are right within delta = `cost_error`, relative, and the optimum is
-    a minimum of sums of them with weights >= 0 (docs/theory/certificate.md, "Rounding").
+    The relative error of all costs and switch prices is at most delta = `cost_error`. The optimum
+    is a minimum of their sums with weights >= 0 (docs/theory/certificate.md, "Rounding").
     """
     lower = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
     return max(lower * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound of the exact cost: see `lower_cost`.
+    """Return ``U (1 + 72 u) / (1 - delta)``: an upper bound for exact costs, from the total U.
 
-    A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
+    The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U: each term is off by at most 3 u,
+    adding `TERMS_TOGETHER` = 64 terms by at most 63 u, and the rest is for the operations here.
+    The divisor covers the costs, which are right within delta = `cost_error` (see `lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
@@ -196,7 +208,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Return a lower bound of the cost of the objects of each block, (B,), from prices >= 0.
 
-    Where blocks were solved at smaller cutoffs (`reduce_cutoff`), it is the best of those.
+    For a block that was solved at smaller cutoffs (`reduce_cutoff`) it is the best of their bounds.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -216,7 +228,7 @@ def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = 
 
 
 def fair_prices(prices: Floats) -> Floats:
-    """Return prices that are valid for a proof: at least 0, and 0 for NaN and huge ones."""
+    """Return prices that are valid in a proof: at least 0, and 0 for NaN and huge prices."""
     return np.where(prices <= LARGEST_PRICE, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
 
 
@@ -227,12 +239,12 @@ def _bounds_of_prices(
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
-    with the best pair of each row and step, and the best paths of the `relative_gains`. Nothing
-    cancels: the brackets are exact sums, or differences of integers.
+    with the best pair of each row and step, and the best paths of the `relative_gains`. No digits
+    cancel, because the parentheses are exact sums or differences of integers.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    left = np.ones(len(prices), np.int32)  # one less for each pair of the slot that is put aside
+    left = np.ones(len(prices), np.int32)  # less 1 for each pair of the slot that is put aside
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -267,9 +279,9 @@ def _bounds_of_prices(
 def row_terms(
     rows: States, running: tuple[Floats, Ints], left: Ints
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return terms of some rows in a lower bound, by node, at prices of `Slots.running`.
+    """Return the terms of some rows in a lower bound, by node, at prices of `Slots.running`.
 
-    One less is `left` where a pair is put aside.
+    The best pair of each row and step is put aside: `left` decreases by 1 at its slot.
 
     Returns
     -------
@@ -278,9 +290,9 @@ def row_terms(
     aside : (nodes,) float array
         Lower bounds of the cost of these best pairs.
     pairs : (nodes,) float array
-        Their number.
+        Number of these pairs.
     entry : int array
-        Their entries.
+        Entries of these pairs.
     """
     steps = row_steps(rows)
     price = rows.columns.spans(running)
@@ -295,7 +307,7 @@ def row_terms(
 
 
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
-    """Return the cost of the best pair of each row and step, or 0; `left` decreases at its slot."""
+    """Return the cost of the best pair of each row and step, or 0; lower `left` at its slot."""
     columns = rows.columns
     if kernels:
         cost: Floats = kernels.put_aside(
@@ -331,9 +343,9 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """Return bounds of the whole, (B,), by ``V(C) >= V(s C) + (1 - s) forced`` from those at s C.
+    """Return bounds at C, (B,), by ``V(C) >= V(s C) + (1 - s) forced`` from bounds at s C.
 
-    See `reduce_cutoff`. 0 for blocks that `part` does not stand for.
+    See `reduce_cutoff`. The bound is 0 for blocks that are not in `part`.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -388,8 +400,8 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
     """Break down parts of a problem that follow each other in time, by the kernels.
 
-    The bounds are the first pair, row of the truths, row of the estimates and step of each part,
-    and the end, (parts + 1,) each.
+    The four arrays of `bounds`, each (parts + 1,), are the first pair, the first row of the truth,
+    the first row of the estimates and the first step of each part, and the end of the last part.
     """
     costs, terms = kernels.break_down(states, weights, ONE, bounds)
     steps = bounds[-1].tolist()
@@ -399,7 +411,7 @@ def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> I
 
 
 def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Breakdown:
-    """Return the breakdown of a part from costs, numbers and variation by step, and total terms."""
+    """Return the breakdown of a part from costs, counts and variation by step, and total terms."""
     localisation, missed, false, missed_count, false_count, variation = costs
     return Breakdown(
         localisation=localisation,
@@ -414,7 +426,7 @@ def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Br
 
 
 def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
-    """Return costs, numbers and variation by step, and partial sums of the total."""
+    """Return costs, counts and variation by step, and partial sums of the total."""
     problem, steps = states.problem, states.problem.steps
     used, entry, whole = assigned(states, weights)
     paid = whole / ONE * problem.cost[entry]
@@ -434,14 +446,14 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Higher switch prices are lowered to this: the optimum is the same."""
+"""Largest switch price; higher ones are lowered to it, which does not change the optimum."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
     """Return some blocks as a problem with c^p times `scale`, a power of 2, as the unit of costs.
 
-    Rows and tracks keep their numbers. All truths must have one price, and all estimates
-    (`Problem.object_prices`).
+    Rows and tracks keep their numbers. All true objects must have the same price, and all estimates
+    must have the same price (`Problem.object_prices`).
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -469,7 +481,7 @@ def _entries(states: States, blocks: Mask) -> Ints:
 def forced_cost(states: States, blocks: Mask) -> Floats:
     """Return ``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
-    nu_k is at most the size of any vertex cover of the near pairs (König).
+    The bound of nu_k is the size of a vertex cover of the near pairs: no cover is smaller (König).
     """
     problem = states.problem
     count = len(states.block_begin)
@@ -493,7 +505,8 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
     """Return rows of either side that cover the near pairs of some blocks.
 
-    They belong to a largest matching, so they are as few as can be; that they cover is checked.
+    They come from a largest matching and are the fewest possible. That they cover all near pairs is
+    checked.
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -506,7 +519,7 @@ def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
 
 
 def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Mask, Mask]:
-    """Return a minimum vertex cover of a bipartite graph by Konig's theorem: marks of each side."""
+    """Return a minimum vertex cover of a bipartite graph by König's theorem: marks of each side."""
     from scipy import sparse  # lazy: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
@@ -515,7 +528,7 @@ def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Ma
         (np.ones(len(truth), np.int8), (row, column)), shape=(truths, estimates)
     )
     partner = maximum_bipartite_matching(graph, perm_type="column")
-    # Follow alternating paths from truths without partner: any pair there, a matched one back.
+    # Follow alternating paths from unmatched truth rows: any pair forward, a matched pair back.
     reached = partner < 0
     paired = np.full(estimates, -1)
     paired[partner[partner >= 0]] = np.flatnonzero(partner >= 0)

@@ -1,7 +1,8 @@
-"""GOSPA of every step by itself, and the switches that its assignments happen to make.
+"""GOSPA of every step separately, and the switches that its assignments happen to make.
 
-Not a metric between trajectories: each step is assigned without a look at the others, and what
-changes from step to step is counted afterwards, by the rules of two tools. Knows no solver.
+This is not a metric between trajectories. Each step is assigned independently of the other steps,
+and the changes from step to step are counted afterwards, by the rules of two tools. This module
+imports no solver.
 """
 
 from collections.abc import Iterator
@@ -13,14 +14,14 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
-"""Elements up to which a matrix of pairs is always written out."""
+"""Number of elements up to which the matrix of all pairs is always dense."""
 
 SPARSE_RATIO = 8
-"""Beyond that it is if less than so many times as large as the number of near pairs."""
+"""A larger matrix is dense if it has at most so many elements for each near pair."""
 
 
 Switched = tuple[Floats, Floats]
-"""Switches into each step, (T,), and how many of them are halves: from or to "none"."""
+"""Switches into each step, (T,), and how many of the changes are from or to "none" (halves)."""
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
@@ -28,8 +29,8 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
     GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
     c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
-    Objects of a step that are joined by near pairs are assigned together, others apart. Among
-    assignments of equal cost that of SciPy is taken, with the objects in the order of their rows.
+    Components of the near pairs of a step are assigned separately. Among assignments of equal cost
+    the one that SciPy finds is used, with the objects in the order of their rows.
 
     Returns
     -------
@@ -49,7 +50,7 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
 
 def _cheapest(problem: Problem) -> Iterator[Ints]:
-    """Return entries of the cheapest assignment, by components of the graph of near pairs."""
+    """Yield the entries of a cheapest assignment, by components of the graph of near pairs."""
     rows, columns = problem.truth_row, problem.estimate_row
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
@@ -65,9 +66,10 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
 
 
 def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
-    """Choose pairs to assign: each costs less than `unpaired`, the cost of leaving both.
+    """Choose pairs to assign; `unpaired` is the cost of leaving both objects of a pair unassigned.
 
-    Of all choices in which no row and no column is twice it is one that loses least.
+    Every pair must cost less than `unpaired`. The choice has the least total cost among all choices
+    that use each row and each column at most once.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
@@ -86,7 +88,7 @@ def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> In
 def _assign_sparse(
     row: Ints, column: Ints, loss: Floats, unpaired: float, shape: tuple[int, int]
 ) -> Ints:
-    """Choose pairs without a dense matrix: each row may take a column of its own instead."""
+    """Choose pairs without a dense matrix: an extra column for each row means unassigned."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
@@ -104,7 +106,7 @@ def _assign_sparse(
 
 
 def partners(problem: Problem, entries: Ints) -> Ints:
-    """Return the estimate's track that each truth row is assigned to, -1 for none, (R_truth,)."""
+    """Return the track of the estimate assigned to each truth row, -1 for none, (R_truth,)."""
     track = np.full(len(problem.truth_step), -1)
     track[problem.truth_row[entries]] = problem.estimate_track[problem.estimate_row[entries]]
     return track
@@ -113,16 +115,16 @@ def partners(problem: Problem, entries: Ints) -> Ints:
 def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as Stone Soup counts them.
 
-    Compared is the partner of a truth with the last one that was stored for it. Storing begins
-    with the first estimate that it is assigned to; from then on "none" is stored as well. A step
-    without any estimate is passed over. A change counts 1, from or to "none" one half.
+    The partner of a true object is compared with the last partner that was stored for it. Storing
+    begins with the first estimate that is assigned to the object; from then on "none" is stored as
+    well. Steps without any estimate are skipped. A change counts 1, a change from or to "none" 1/2.
     """
     reported = np.zeros(problem.steps, bool)
     reported[problem.estimate_step] = True
     order = _by_truth(problem)
     order = order[reported[problem.truth_step[order]]]
     count = np.cumsum(track[order] >= 0)
-    # Assignments of other truths before the first row of this one do not count.
+    # Assignments of other true objects before the first row of this one do not count.
     opens = np.diff(problem.truth_track[order], prepend=-1) != 0
     before = np.where(opens, count - (track[order] >= 0), 0)
     order = order[count > np.maximum.accumulate(before)]
@@ -132,8 +134,8 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
 def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as MathWorks describes them.
 
-    Compared are the partners of a truth at a step and at the step before, where it exists at both.
-    A change counts 1, from or to "none" one half.
+    The partners of a true object at a step and at the step before are compared if it exists at
+    both. A change counts 1, a change from or to "none" 1/2.
     """
     order = _by_truth(problem)
     return _changes(problem, track, order, np.diff(problem.truth_step[order]) == 1)
@@ -145,7 +147,7 @@ def _by_truth(problem: Problem) -> Ints:
 
 
 def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switched:
-    """Return changes from each row to the next of the same truth, booked at the later step."""
+    """Return changes from each row to the next of the same object, booked at the later step."""
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
     both = (after >= 0) & (before >= 0)

@@ -1,6 +1,6 @@
-"""The family, each as numbers of a `Problem`: TGOSPA, weighted steps, existence, ignored states.
+"""The metric family as numbers of a `Problem`: TGOSPA, weighted steps, existence, ignored states.
 
-Their parameters, powers of distances below the cutoff, and how far these are rounded.
+This module also has the parameters of the metric, and bounds of the rounding of powers.
 """
 
 import math
@@ -12,39 +12,39 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 POWER = 2.0**-50
-"""Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
-use are off by less than two. Squares are rounded once."""
+"""Largest relative error of a power of doubles, 8 units of rounding. The mathematical libraries in
+use are off by less than 2 units. Squares are rounded once."""
 
 SMALLEST_RHO = 1e-6
-"""A share of c^p below this would lose digits beside the rest; such targets cost nothing."""
+"""Smallest distance of rho from 0 and from 1: a smaller share of c^p would lose its digits."""
 
 SMALLEST_POWER = 1e-306
-"""Costs and distances below this, near the end of the doubles, count as this much."""
+"""Smallest positive cost and distance, near the end of the doubles: smaller ones count as this."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """The numbers of the metric.
+    """Parameters of the metric.
 
     Parameters
     ----------
     cutoff : float
-        c > 0: an error counts at most c; in units of the base distance.
+        c > 0, in units of the base distance: an error counts at most c.
     order : float
         p >= 1: the exponent of the sum, never the norm of the base distance.
     switch_penalty : float
         gamma >= 0: a full track switch costs gamma^p; 0 gives per-step GOSPA, summed.
     rho : float
-        0 < rho < 1: the share of c^p that a false target costs, a missed one costs the rest. 1/2
-        is the metric; any other the quasi-metric of Garcia-Fernandez et al. (arXiv 2507.13706).
+        0 < rho < 1: a false target costs rho c^p, a missed target (1 - rho) c^p. 1/2 is the metric;
+        other values give the quasi-metric of Garcia-Fernandez et al. (arXiv 2507.13706).
 
     Raises
     ------
     ConfigError
-        A number is out of its range or not finite.
+        A parameter is out of its range or not finite.
     """
 
     cutoff: float
@@ -68,8 +68,8 @@ class Parameters:
         object.__setattr__(self, "rho", real_number("rho", self.rho))
         if not SMALLEST_RHO <= self.rho <= 1 - SMALLEST_RHO:
             raise ConfigError(
-                f"rho is {self.rho:g}: must be between 0 and 1, {SMALLEST_RHO:g} from either at "
-                "least; it is the share of c^p that a false target costs"
+                f"rho is {self.rho:g}: must be between 0 and 1, at least {SMALLEST_RHO:g} from "
+                "both; it is the share of c^p that a false target costs"
             )
         if not -300 < self.order * math.log10(self.cutoff) < 300:
             raise ConfigError(
@@ -79,17 +79,17 @@ class Parameters:
 
     @property
     def recorded(self) -> dict[str, float]:
-        """Parameters by name, for documents; rho only if it changes the metric."""
+        """Parameters by name, for documents; rho only if it is not 1/2."""
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
 
     @property
     def scale(self) -> float:
-        """c^p: costs of one unit of the dimensionless problem."""
+        """c^p, the cost that is one unit of the dimensionless problem."""
         return float(self.cutoff**self.order)
 
     @property
     def unassigned_prices(self) -> tuple[float, float]:
-        """Costs of a missed and a false object in units of c^p; they sum to 1 exactly."""
+        """Costs of a missed and of a false target in units of c^p; their sum is exactly 1."""
         missed = 1.0 - self.rho
         return missed, 1.0 - missed
 
@@ -110,7 +110,8 @@ class Parameters:
     def switch_price(self) -> float:
         """Dimensionless price of half a switch, gamma^p / (2 c^p).
 
-        At most 1e100: the value is constant long before, and infinity times zero is no number.
+        It is at most 1e100, because infinity times zero is not a number. The value of the metric is
+        already constant at smaller prices.
         """
         try:
             return min(0.5 * math.pow(self.switch_penalty / self.cutoff, self.order), 1e100)
@@ -135,25 +136,27 @@ def tgospa_problem(
     last_place: float = 0.0,
     near: Mask | None = None,
 ) -> Problem:
-    """Build ``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of near pairs.
+    """Build the problem ``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)``.
 
-    The LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
-    `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
+    This is the LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
+    Pairs at the cutoff or beyond are left out.
 
     Parameters
     ----------
+    distance : (N,) float array
+        Distances of the pairs, in the unit of the cutoff.
     distance_error : float
         Largest relative error of the distances.
     last_place : float
-        What the last places of the states can change of a distance.
+        Largest change of a distance by the last places of the states.
     near : (N,) bool array, optional
-        Pairs that count as nearer than the cutoff, by default by their distance. Given for
-        `ignore_states`, which is to follow.
+        Pairs that count as nearer than the cutoff; by default those whose distance is less. It is
+        given only if `ignore_states` follows.
 
     Raises
     ------
     ConfigError
-        A power of a distance or of the switch penalty is no double beside that of the cutoff.
+        A power of a distance or of the switch penalty, relative to that of the cutoff, underflows.
     """
     order = parameters.order
     cost = distance / parameters.cutoff
@@ -194,17 +197,17 @@ def tgospa_problem(
 
 
 def _alike(price: float, size: int) -> Floats:
-    """Repeat a price so many times in the memory of one, as `np.broadcast_to`."""
+    """Return `size` copies of a price in the memory of one number, as `np.broadcast_to`."""
     return np.ndarray((size,), np.float64, np.array(price), strides=(0,))
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Refuse a cost that is made of powers that underflow; others do not matter beside it.
+    """Refuse a cost that consists of powers that underflow; next to larger costs they are harmless.
 
     Raises
     ------
     ConfigError
-        The cost is made of powers below the smallest double.
+        The cost consists of powers below the smallest double.
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
@@ -215,19 +218,19 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
 
 
 def _cost_error(order: float, distance_error: float) -> float:
-    """Return ``(1 + error of the distance + u)^p - 1 + 2 pi``, docs/theory/certificate.md."""
+    """Return ``(1 + error of the distance + u)^p - 1 + 2 pi`` (docs/theory/certificate.md)."""
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
 
 
 def _price_error(parameters: Parameters) -> float:
-    """Return the relative error of the prices 1 - rho, rounded once, and 1 - (1 - rho), exact."""
+    """Return the relative error of 1 - rho, rounded once, and of 1 - (1 - rho), which is exact."""
     missed, false = parameters.unassigned_prices
     return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
 
 def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
-    """Refuse powers of which all digits that decide are lost by underflow."""
+    """Refuse a cutoff at which underflow loses all digits of the powers that decide the result."""
     order, penalty = parameters.order, parameters.switch_penalty
     farthest = float(distance.max(initial=0.0))
     lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST_POWER else 0.0
@@ -247,20 +250,20 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
 # -------------------------------------------------------------------------------------------------
 # Other members of the metric family: weighted steps, or objects with a probability of existence.
 #
-# One solver serves all: only the numbers A, B, D and lambda of a `Problem` change.
+# The same solvers solve all of them: only the numbers A, B, D and lambda of a `Problem` change.
 
 LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
-"""Weights beyond these would drive costs out of the range of doubles."""
+"""Limits of weights other than 0: beyond these, costs would leave the range of doubles."""
 
 ROUNDED = 6 * 2.0**-53
-"""Relative error of products with weights: of each number no more than four are rounded."""
+"""Relative error of products with weights: each number has at most four rounded products."""
 
 SMALLEST_COST = 1e-300
-"""Weighted costs below this, near the end of the doubles, count as this much."""
+"""Smallest positive weighted cost, near the end of the doubles: smaller ones count as this."""
 
 
 def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
-    """Check the weights of steps, as of the time-weighted metric (arXiv 2110.13444).
+    """Check and return the weights of steps of the time-weighted metric (arXiv 2110.13444).
 
     Parameters
     ----------
@@ -289,7 +292,7 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
 def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
     """Return ``A w(k), B w(k), D w(k), lambda w'(k)``: the problem with its steps weighted.
 
-    Pairs at steps of weight 0 have no gain and are left out.
+    Pairs at steps with weight 0 have no gain and are left out.
     """
     factor = cost[problem.entry_step]
     if problem.pair_share is not None:
@@ -313,25 +316,25 @@ def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
 def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Problem:
     """Return ``A r, B s, D min(r, s) + |r - s| / 2``: objects that exist with a probability.
 
-    The LP of the probabilistic metric (arXiv 2506.15148); `problem` has A = B = 1/2. Where all
-    exist for certain it is the same problem, to the last bit.
+    This is the LP of the probabilistic metric (arXiv 2506.15148); `problem` must have A = B = 1/2.
+    If all probabilities are 1, the result is `problem` itself.
 
     The cost of a pair is an optimal transport between two Bernoulli densities, on the states and
-    "none", which is c / 2^(1/p) from every state: what both have in common, min(r, s), is moved by
-    d, and |r - s| to or from "none". So a pair gains min(r, s) (1 - D) by being assigned, and pairs
-    of objects that do not exist gain nothing and are left out.
+    "none", which is c / 2^(1/p) from every state. The common mass min(r, s) moves by d, and |r - s|
+    moves to or from "none". So the gain of an assigned pair is min(r, s) (1 - D). Pairs with r = 0
+    or s = 0 have no gain and are left out.
 
     Parameters
     ----------
     problem : Problem
-        With all objects certain.
+        The problem in which all objects exist with probability 1.
     truth, estimate : (R_truth,), (R_estimate,) float arrays
         Probabilities r and s.
 
     Raises
     ------
     ConfigError
-        Prices of missed and false targets differ: nobody has proven that a metric.
+        Prices of missed and false targets differ: there is no proof that this is a metric.
     """
     if np.any(problem.truth_price != 0.5) or np.any(problem.estimate_price != 0.5):
         raise ConfigError(needs_symmetry())
@@ -344,7 +347,7 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
 
 
 def needs_symmetry() -> str:
-    """Return the message that prices of missed and false objects must be equal."""
+    """Return the message that prices of missed and false targets must be equal."""
     return (
         f"{option('existence', 'use')} needs {option('rho', 0.5)}: with other prices of missed and "
         "false targets no proof is known that the result is a metric"
@@ -352,20 +355,20 @@ def needs_symmetry() -> str:
 
 
 def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
-    """Return ``A w, B (1 - e), D w``: w = 0 for ignored truths, e = 1 for excused estimates.
+    """Return ``A w, B (1 - e), D w``: w = 0 for ignored objects, e = 1 for excused estimates.
 
-    An ignored truth takes one estimate at a time, which then costs nothing; an excused estimate
-    costs nothing if it is unassigned. A pair of an ignored truth gains B (1 - e) wherever it is
-    nearer than the cutoff; one of a judged truth and an excused estimate A - D, if that is
-    positive. Where nothing is ignored it is the same problem, to the last bit. It is no metric: a
-    truth that is all ignored is at distance 0 from the empty set.
+    An ignored object absorbs one estimate at a time, at no cost. An excused estimate costs nothing
+    if it is unassigned. The gain of a pair with an ignored object is B (1 - e) if it is nearer than
+    the cutoff. The gain of an evaluated object and an excused estimate is A - D, if that is
+    positive. If nothing is ignored or excused, the result is `problem` itself. The result is not a
+    metric: a truth whose states are all ignored has the distance 0 from the empty set.
 
     Parameters
     ----------
     problem : Problem
-        With everything judged.
+        The problem in which all states are evaluated.
     ignored, excused : (R_truth,), (R_estimate,) bool arrays
-        Which rows are not judged.
+        Rows of the truth and of the estimate that are not evaluated.
     """
     if not (ignored.any() or excused.any()):
         return problem
@@ -393,8 +396,8 @@ def _repriced(
 ) -> Problem:
     """Return the problem with other prices and costs, without pairs that no longer gain.
 
-    Those that gain less than rounding cost as much as being unassigned, within `error`, the
-    relative error of the products.
+    Pairs that gain less than rounding are left out too: within `error`, the relative error of the
+    products, they cost as much as leaving both unassigned.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)

@@ -1,7 +1,7 @@
-"""Values of the best paths of rows at given prices, from above.
+"""Upper bounds of the values of the best paths of rows at given prices.
 
-Every operation that rounds is followed by a step outward: what is called a bound is one in real
-numbers (docs/theory/certificate.md, "Rounding").
+Every operation that rounds is followed by a step outward, so that all bounds hold in real numbers
+(docs/theory/certificate.md, "Rounding").
 """
 
 import itertools
@@ -14,24 +14,24 @@ from tgospa_eval.problem.problem import sum_parts
 from tgospa_eval.problem.states import Slots, States
 
 SUMMANDS = 1024
-"""Terms of a sum whose rounding is bounded together."""
+"""Number of terms of a sum whose rounding is bounded together."""
 
 
 def up(value: Floats) -> Floats:
-    """Step to the next larger doubles, in place: at least the exact results of one operation."""
+    """Step to the next larger doubles, in place: upper bounds of the results before rounding."""
     return np.nextafter(value, np.inf, out=value)
 
 
 def down(value: Floats) -> Floats:
-    """Step to the next smaller doubles, in place."""
+    """Step to the next smaller doubles, in place: lower bounds of the results before rounding."""
     return np.nextafter(value, -np.inf, out=value)
 
 
 def lower_sums(value: Floats, first: Ints) -> Floats:
     """Return lower bounds of the sums of parts of values >= 0; part i begins at first[i].
 
-    ``|computed - sum| <= (n - 1) 2^-53 sum`` of n terms >= 0, whatever the order; sums of chunks,
-    and then of these, keep n small.
+    ``|computed - sum| <= (n - 1) 2^-53 sum`` for n terms >= 0, in any order. Long parts are summed
+    in chunks, and then the sums of the chunks, so that n is small.
     """
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
@@ -53,20 +53,20 @@ Gains = tuple[Floats, Floats, Ints]
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
     """Return gains of states less their prices (S,), relative to the best pair of row and step.
 
-    ``(G - v) - r``, ``r = max((A + B - D - v)_best, 0)``, as ``(D_best - D) + (v_best - v)`` and
-    differences of A and B: these keep the digits that sums of gains near 1 lose. Every path of a
-    row is lowered by the same sum (docs/theory/certificate.md, "The bounds that are computed").
-    `steps` are those of `row_steps`. The prices of states with a gain are exact, those of runs
-    lower bounds.
+    These are ``(G - v) - r`` with ``r = max((A + B - D - v)_best, 0)``. They are computed as
+    ``(D_best - D) + (v_best - v)`` and differences of A and B, which keep the digits that sums of
+    gains near 1 lose. Every path of a row is lowered by the same sum (docs/theory/certificate.md,
+    "The bounds that are computed"). `steps` come from `row_steps`. The prices of states with a gain
+    must be exact, and the prices of runs lower bounds.
 
     Returns
     -------
     relative : (S,) float array
-        Upper bounds of the gains less prices and less the offsets of their steps.
+        Upper bounds of the gains less the prices and the offsets of their steps.
     offset : (G,) float array
-        Lower bounds of the gain less price of the best pair of each row and step, 0 without one.
+        Lower bounds of the gain less price of the best pair of each row and step, 0 without a pair.
     best : (G,) int array
-        Its state, -1 where there is none.
+        State of the best pair, -1 without a pair.
     """
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
@@ -77,7 +77,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
         )
     else:
         relative, offset, best = _relative_gains(states, steps, price)
-    # A run loses the offsets while it lasts.
+    # A run loses the offsets of all its steps.
     running = steps.running(offset, floor=True)
     if kernels:
         kernels.run_gains(
@@ -97,7 +97,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 
 
 def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
-    """Compute `relative_gains`, with those of runs separately."""
+    """Compute `relative_gains` without kernels; those of runs remain to be filled in."""
     problem, entry = states.problem, states.entry
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
@@ -118,7 +118,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
     best[at[is_best]] = is_best
     with np.errstate(invalid="ignore"):
         relative = up(up(cost[best][at] - cost) + up(price[best][at] - price))
-        for side in sides:  # pairs of objects differ in what they cost unassigned
+        for side in sides:  # pairs differ in their costs of being unassigned
             relative = up(relative + up(side - side[best][at]))
         offset = np.broadcast_to(base, len(entry))[best]
         offset = down(down(down(offset) - cost[best]) - price[best])
@@ -130,7 +130,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
 
 
 def row_steps(states: States) -> Slots:
-    """Return the slots of rows, also of a single pair: the steps at which states begin."""
+    """Return the slots of all rows, also of a single pair: the steps at which states begin."""
     rows, size = states.rows, np.diff(states.pair_first)
     single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
     if not single.any():
@@ -151,24 +151,24 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    A turn takes the states that begin at the same step of their rows, counted in steps at which any
-    begin. The states before them end there; those of the first turn open the window.
+    A turn has the states that begin at the k-th step of their row, counting only steps at which
+    states of the row begin. The states before them end there. The first turn opens the window.
 
     Parameters
     ----------
     states : States
-        All of them.
+        The reduced problem.
     steps : Slots, optional
-        Those of `row_steps`, if they are known.
+        Result of `row_steps`, if it is known.
 
     Returns
     -------
     bounds : list of int
-        Where the states of each turn begin in the order, and the end.
+        First place of each turn in the order, and the end.
     order : (S,) int array
-        The states.
+        The states, turn by turn.
     pair, row : (S,) int arrays
-        Pair and row of each, in that order.
+        Pair and row of each state in the order.
     """
     steps = steps or row_steps(states)
     size = np.diff(states.pair_first)
@@ -178,7 +178,7 @@ def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, 
 
 
 def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
-    """Return order by (rank, place), and where the ranks 0, 1, 2, ... begin in it, and the end."""
+    """Return the order by (rank, place), the first place of each rank 0, 1, 2, ..., and the end."""
     count = int(rank.max(initial=-1)) + 1
     if count <= 1 << 16:
         rank = rank.astype(np.uint16)  # NumPy sorts 16 bits by radix
@@ -192,8 +192,9 @@ def best_values(
     """Return an upper bound of the best path's value of each row, (nodes,), by Viterbi.
 
     ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
-    + value_s`` of those that begin, and ``h = h - r``: h is the value at "none", r the offsets of
-    the `steps` of `row_steps` (docs/theory/certificate.md, "The bounds that are computed").
+    + value_s`` for the states s that begin, and ``h = h - r``. Here h is the value at "none", and r
+    the offset of each of the `steps`, which come from `row_steps` (docs/theory/certificate.md, "The
+    bounds that are computed").
     """
     steps = steps or row_steps(states)
     if kernels:
@@ -222,7 +223,7 @@ def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | 
     offsets = np.zeros(len(at)) if offsets is None else offsets[at]
 
     unassigned_value = np.zeros(states.nodes)
-    current = np.zeros(len(states.pair_row))  # at the first turn: a window is entered for free
+    current = np.zeros(len(states.pair_row))  # at the first turn: entering the window is free
     price: Floats = np.asarray(states.problem.switch_price)
     varies, switch_price = price.ndim > 0, states.problem.switch_price_at
     next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call

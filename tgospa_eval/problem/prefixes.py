@@ -1,6 +1,6 @@
 """Bounds of the costs of the steps 1..k, for every k, from a solution of the whole, in one pass.
 
-Its assignment up to k is feasible there, and its prices up to k are prices there
+For the steps 1..k, the assignment up to k is feasible and the prices up to k give a lower bound
 (docs/theory/solvers.md, "The curve").
 """
 
@@ -25,13 +25,13 @@ def offsets(states: States) -> Offsets:
     Returns
     -------
     step, row : (G,) int arrays
-        Step, and row as a node; sorted.
+        Step, and row as a node, sorted by (step, row).
     entry : (G,) int array
         The cheapest entry.
     loss : (G,) float array
-        What all lose that are in another state or in none: lower bounds of the gain of the entry.
+        Offset: a lower bound of the gain of the cheapest entry, which runs and "none" lose.
     relative : (S,) float array
-        Gain of each state less that, an upper bound; 0 of runs.
+        Upper bound of the gain of each state less its offset; 0 for runs.
     """
     problem, pair = states.problem, states.pair
     gaining = np.flatnonzero(states.entry >= 0)
@@ -62,24 +62,26 @@ def offsets(states: States) -> Offsets:
 class RowMoves:
     """Events of rows in order of time: states begin, prices are paid, offsets are lost.
 
-    Rows and pairs are those that `RowMoves.of` was given, numbered in order; times are any numbers
-    from 0 on.
+    Rows and pairs are those of the states given to `RowMoves.of`, numbered in order. Times are
+    integers from 0 on.
 
     Parameters
     ----------
     rows : (R,) int array
-        The nodes.
+        Node of each row.
     first : (R,) int array
         First pair of each row.
     row : (P,) int array
         Row of each pair.
-    begins, begin_pair, gains, relative, switch_price : arrays
-        Where the states of each time begin in the others, and of each state that begins its pair,
-        whether it has a gain, its relative gain, and what entering or leaving costs.
+    begins : (times + 1,) int array
+        First place of each time in the four arrays of the states that begin, and the end.
+    begin_pair, gains, relative, switch_price : arrays
+        Pair of each state that begins, whether it has a gain, its relative gain, and the price of
+        entering or leaving it there.
     charges, charge_pair, charge : arrays
-        The same of prices that pairs pay.
+        First place of each time, pair and amount, for the prices that pairs pay.
     losses, loss_row, loss : arrays
-        The same of offsets.
+        First place of each time, row and amount, for the offsets that rows lose.
     """
 
     rows: Ints
@@ -103,7 +105,7 @@ class RowMoves:
     ) -> "RowMoves":
         """Return the events of all states at prices (K,).
 
-        Times are steps less `since` (T,), where that is given; what is before time 0 is left out.
+        Times are steps, less `since` (T,) if it is given; events before time 0 are left out.
         """
         offset_step, offset_row, _, loss, relative = offsets
         steps = states.problem.steps
@@ -160,16 +162,16 @@ def forward(
 ) -> Iterator[Floats]:
     """Yield an upper bound of each row's best value (R,) after each time; arguments are updated.
 
-    A run without gain may be left only where its next state begins.
+    A path may leave a run without gain only where the next state of the pair begins.
 
     Parameters
     ----------
     moves : RowMoves
-        What happens.
+        The events.
     unassigned, reached : (R,), (P,) float arrays
-        Best value of each row at "none" before, and that of each pair.
+        Best values before the first time: of each row at "none", and of each pair.
     rest : (R,) float array, optional
-        Best value of each row in states to which nothing happens.
+        Best value of each row in states without events.
     """
     for time in range(moves.times):
         own = slice(moves.begins[time], moves.begins[time + 1])
@@ -193,7 +195,7 @@ def forward(
                 np.copyto(rest, up(rest - lose), where=lose > 0)
         if len(at):
             reached[at] = up(reached[at] + moves.relative[own])
-        if paid.stop > paid.start:  # a pair has one slot that begins here
+        if paid.stop > paid.start:  # each pair pays at most once here: one of its slots begins
             charging = moves.charge_pair[paid]
             reached[charging] = up(reached[charging] - moves.charge[paid])
         best = np.maximum(unassigned, np.maximum.reduceat(reached, moves.first))
@@ -202,7 +204,7 @@ def forward(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """A cell for each block and each step of its window; arrays over cells are (C,).
+    """Cells, one for each block and each step of its window; arrays over cells are (C,).
 
     Parameters
     ----------
@@ -246,8 +248,8 @@ class Cells:
     def running(self, value: Floats) -> Floats:
         """Return running sums in each block.
 
-        Of values >= 0 they are off by as many units of rounding, relative, as there are terms, and
-        no sum is touched by larger ones elsewhere.
+        For values >= 0 the relative error of a sum, in units of rounding, is at most its number of
+        terms. Larger sums of other blocks do not affect it.
         """
         total = np.empty_like(value)
         for low, high in itertools.pairwise(self.first.tolist()):
@@ -255,10 +257,10 @@ class Cells:
         return total
 
     def totals(self, value: Floats, steps: int) -> tuple[Floats, Floats]:
-        """Sum over the blocks at each step, and how far off it may be, (T,), (T,).
+        """Return the sums over the blocks at each step, and bounds of their errors, (T,), (T,).
 
-        Blocks that have ended keep their last value. Of values 0 or more, as parts of a cost are,
-        which may fall; no sum rounds to less than 0.
+        Blocks that have ended keep their last value. Values must be >= 0, as parts of a cost are,
+        and may fall from step to step. Computed sums are at least 0.
         """
         rise = np.diff(value, prepend=0.0)
         rise[self.first[:-1]] = value[self.first[:-1]]
@@ -269,7 +271,7 @@ class Cells:
 
 
 def _busiest(states: States) -> int:
-    """Return the largest number of states that begin at one step, a bound of its terms."""
+    """Return the largest number of states that begin at one step, which bounds its terms."""
     return int(np.bincount(states.begin, minlength=1).max())
 
 
@@ -295,9 +297,9 @@ def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, F
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrefixBounds:
-    """Costs and bounds of the beginnings of each block, in units of c^p; arrays are (C,).
+    """Costs and bounds of the prefixes of each block, in units of c^p; arrays are (C,).
 
-    Only objects that have a near pair are counted.
+    Only objects with a near pair are counted.
 
     ``L = unassigned - offsets - sum of the best values of the rows - paid``, the bound of
     `problem.certificate` for the steps of each block up to each step.
@@ -309,16 +311,18 @@ class PrefixBounds:
     parts : (4, C) float array
         Localisation, missed, false and switch cost of the assignment up to the step.
     error : (C,) float array
-        How much the parts together may be too small by rounding.
+        Bound of the rounding error of the sum of the parts.
     moves : RowMoves
-        What happens at the prices.
-    total, size : (C,) float arrays
-        Unassigned prices of all objects less those of the cheapest pairs, and the costs of these;
-        and the sizes of what was added for it with rounding.
+        Events of the rows at the prices.
+    total : (C,) float array
+        Unassigned prices of all objects less those of the cheapest pairs, plus these pairs'
+            costs.
+    size : (C,) float array
+        Sum of the absolute values of the terms of `total` that were added with rounding.
     paid : (C,) float array
         Sums of the prices.
     terms : (C,) int array
-        How many terms were added at most.
+        Largest number of terms that were added.
     """
 
     cells: Cells
@@ -332,7 +336,7 @@ class PrefixBounds:
 
     @classmethod
     def of(cls, states: States, weights: Ints, prices: Floats) -> "PrefixBounds":
-        """Return bounds by an assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
+        """Return the bounds from an assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
         cells = Cells.of_blocks(states)
         parts, off = costs_so_far(states, cells, weights)
         problem, slots, pair = states.problem, states.columns, states.pair
@@ -352,7 +356,7 @@ class PrefixBounds:
             total += of_objects - of_pairs
             if not exact:
                 size += of_objects + of_pairs
-        # Sums at a step, of as many terms as states begin or rows there are; then running sums.
+        # Sums at a step have a term for each state that begins or each row; then running sums.
         rows = int(np.bincount(states.node_block).max(initial=0))
         return cls(
             cells=cells,
@@ -371,11 +375,11 @@ class PrefixBounds:
         Parameters
         ----------
         cells : (N,) int array
-            Which.
+            The cells.
         best, sizes : (N,) float arrays
-            Sum of the best values of the rows, and the sum of their sizes, rounded to the nearest.
+            Sum of the best values of the rows, and of their absolute values, rounded to nearest.
         paid : (N,) float array
-            What was paid.
+            Sum of the prices paid.
         """
         total = self.total[cells]
         error = (self.size[cells] + paid + sizes + np.abs(total)) * self.terms[cells] * 2.0**-53
@@ -398,7 +402,7 @@ class PrefixBounds:
 
 
 def whole_prices(problem: Problem) -> bool:
-    """Return whether sums of unassigned prices are exact, as they are multiples of a half."""
+    """Return whether sums of unassigned prices are exact because these are multiples of 1/2."""
     return all(
         len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
         for side in problem.sides

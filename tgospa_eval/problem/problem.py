@@ -1,10 +1,10 @@
-"""The linear programme of the metric family: sparse, dimensionless; knows no files, no distances.
+"""The linear programme of the metric family: sparse and dimensionless, without files or distances.
 
     max  sum_k <G(k), W(k)> - sum_k lambda(k) |W(k + 1) - W(k)|,   G = A + B - D,
 
-over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). Everything
-is divided by c^p: LP tolerances are absolute, unscaled small units give silently wrong values.
-Costs come in, with cutoff, order and switch penalty, in `metric_family.tgospa_problem`.
+over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). All costs
+are divided by c^p: LP tolerances are absolute, so unscaled small units would give silently wrong
+values. `metric_family.tgospa_problem` makes a problem from distances, cutoff, order and penalty.
 """
 
 import math
@@ -18,14 +18,14 @@ from tgospa_eval.errors import ConfigError
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
-    """Return the sum of the values that share an index, (size,); added in the order given."""
+    """Return the sum of the values of each index, (size,); values are added in their order."""
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
 def sum_parts(value: Floats, first: Ints) -> Floats:
     """Sum each part of the values; part i begins at first[i] and ends before first[i + 1]."""
     total: Floats = np.zeros(len(first) - 1)
-    filled = first[1:] > first[:-1]  # reduceat returns a value for empty parts
+    filled = first[1:] > first[:-1]  # reduceat returns a wrong value for empty parts
     if filled.any():
         total[filled] = np.add.reduceat(value, first[:-1][filled])
     return total
@@ -33,7 +33,7 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The truths or the estimates of a problem: their fields of `Problem`."""
+    """The true objects or the estimates of a problem: their fields of `Problem`."""
 
     count: int
     step: Ints
@@ -44,48 +44,48 @@ class Objects:
 
     @property
     def evaluated(self) -> Ints | slice:
-        """Rows that cost something while they are unassigned."""
+        """Rows that are neither ignored nor excused."""
         return slice(None) if self.unjudged is None else np.flatnonzero(~self.unjudged)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """The numbers A, B, D and lambda, in units of c^p; which metric they make, no solver knows.
+    """The numbers A, B, D and lambda, in units of c^p; solvers do not know which metric they make.
 
     Objects are numbered by their row in two flat tables, one row per existing object and step,
-    sorted by (step, track). An entry is a pair of rows of one step that gains by being assigned;
-    all other pairs are neutral.
+    sorted by (step, track). An entry is a pair of rows of one step with a gain if it is assigned.
+    Assigning any other pair changes no cost.
 
     Parameters
     ----------
     steps, truths, estimates : int
         Sizes T, m, n.
     truth_step, truth_track, truth_price : (R_truth,) arrays
-        Step and track of each existing truth, and the price A of leaving it unassigned.
+        Step and track of each existing true object, and the price A of leaving it unassigned.
     estimate_step, estimate_track, estimate_price : (R_estimate,) arrays
-        The same for estimates, price B.
+        Step and track of each existing estimate, and the price B of leaving it unassigned.
     truth_row, estimate_row : (N,) int arrays
-        The rows of each entry, sorted by (step, truth, estimate).
+        The two rows of each entry; entries are sorted by (step, truth, estimate).
     cost : (N,) float array
-        What the assigned pair costs, less than A + B.
+        Cost of each assigned pair, less than A + B.
     switch_price : float or (T - 1,) float array
         Price of half a switch, for all transitions or for each.
     cost_error : float
         Largest relative error of the costs and switch prices; bounds are widened by it.
     cost_slack : float
-        By how much the costs of all pairs that can be assigned at once are too large at most.
+        Largest amount by which the costs of all pairs of an assignment are too large together.
     rounding : float
-        An optimum below this says nothing: it may come from the last places of the states alone.
+        An optimum below this may come from the last places of the states alone.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, where the cost is another part of A + B: see `weight_existence`
-        and `ignore_states`.
+        (d / c)^p of each entry, if the cost is not A + B times this: see `weight_existence` and
+        `ignore_states`.
     unjudged : pair of (R,) bool arrays, optional
-        Ignored truths and excused estimates, which cost nothing: see `ignore_states`.
+        Ignored objects and excused estimates, which cost nothing: see `ignore_states`.
     pair_share : (N,) float array, optional
-        What (d / c)^p is multiplied by in the cost, where that is none of A + B: 0 of an ignored
-        truth.
+        Factor of (d / c)^p in the cost, if it is neither A + B nor 2 min(A, B); 0 for an ignored
+        object.
     at_cutoff : int
-        Number of pairs with an ignored truth of which rounding decides whether they gain.
+        Number of pairs with an ignored object for which rounding decides whether they gain.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
@@ -128,7 +128,7 @@ class Problem:
 
     @cached_property
     def sides(self) -> tuple[Objects, Objects]:
-        """Truths and estimates."""
+        """True objects and estimates."""
         ignored, excused = self.unjudged or (None, None)
         return (
             Objects(
@@ -162,13 +162,13 @@ class Problem:
 
     @cached_property
     def unassigned_costs(self) -> tuple[Floats, Floats]:
-        """Cost of leaving each truth (m,), and each estimate (n,), unassigned throughout."""
+        """Cost of leaving each true object (m,) and each estimate (n,) unassigned at all steps."""
         truths, estimates = (sum_by(side.track, side.price, side.count) for side in self.sides)
         return truths, estimates
 
     @cached_property
     def object_prices(self) -> tuple[float, float] | None:
-        """A and B where all truths have one price and all estimates one, of which no sum rounds."""
+        """A and B, if each is the same for all rows and A + B is exact in doubles; else None."""
         for price in (self.truth_price, self.estimate_price):
             if not len(price) or (price.strides != (0,) and (price != price[0]).any()):
                 return None
@@ -178,11 +178,11 @@ class Problem:
 
     @cached_property
     def pair_price(self) -> float | None:
-        """A + B where there are `object_prices`."""
+        """A + B of the `object_prices`, None without them."""
         return None if self.object_prices is None else sum(self.object_prices)
 
     def weight(self, entry: Ints | slice) -> Floats | float:
-        """Return A + B of some entries: their cost is (d / c)^p times this."""
+        """Return A + B of some entries."""
         if self.pair_price is not None:
             return self.pair_price
         first, second = self._prices(entry)

@@ -1,4 +1,4 @@
-"""Proposals of solvers, what is proven of them, and an assignment as records of numbers."""
+"""Proposals of solvers, proven bounds, and an assignment as records of numbers."""
 
 from collections.abc import Sequence
 from dataclasses import field
@@ -16,7 +16,7 @@ from tgospa_eval.problem.states import ONE, States, assigned, changes, spare
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
-    """Proposal of a solver; nothing in it is trusted.
+    """Proposal of a solver, which the certificate does not trust.
 
     Parameters
     ----------
@@ -25,23 +25,23 @@ class Solution:
     prices : (K,) float array
         Price of each column slot.
     status : Status
-        How it ended, for the user.
+        Reason for which the solver stopped, for the user.
     detail : str
-        More of that.
+        Details of the status.
     unsolved : pair of int, optional
-        Components that were not solved, of how many that were not trivial.
+        Number of components that were not solved, and of all that were not trivial.
     iterations : int
         Sweeps or simplex iterations.
     finished : bool
         False if a limit or a failure stopped the solver early.
     history : tuple of dict
         Convergence, one record per check.
-    disposable : bool
-        Whether the weights are handed over with it: whoever gets it may write over them.
-    missing : (B,) bool array
-        Blocks that are not known to be solved.
-    reduced : tuple of Reduced
-        Blocks of which prices at a smaller cutoff prove more.
+        disposable : bool
+            Whether the receiver of the solution may overwrite its weights.
+        missing : (B,) bool array
+            Blocks that are not known to be solved.
+        reduced : tuple of Reduced
+            Blocks for which prices at a smaller cutoff prove more.
     """
 
     weights: Floats
@@ -58,7 +58,7 @@ class Solution:
 
     @property
     def sentence(self) -> str:
-        """The status with what belongs to it."""
+        """The status with its details and the number of unsolved components."""
         text = f"{self.status} ({self.detail})" if self.detail else str(self.status)
         if self.unsolved is None:
             return text
@@ -67,18 +67,18 @@ class Solution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduced:
-    """Some blocks of a problem at a smaller cutoff, and what is proposed for that.
+    """Some blocks of a problem at a smaller cutoff, and a solution at that cutoff.
 
     Parameters
     ----------
     states : States
         The problem of these blocks at the smaller cutoff, from `problem.certificate`.
-    blocks : (B,) bool array
-        Which blocks of the whole they are.
-    scale : float
-        The smaller cutoff to the power p, as a fraction of that of the whole; a power of 2.
-    solution : Solution
-        Of `states`.
+        blocks : (B,) bool array
+            Mask of these blocks in the whole problem.
+        scale : float
+            Ratio of c^p at the smaller cutoff to that of the whole problem; a power of 2.
+        solution : Solution
+            Solution of `states`.
     """
 
     states: States
@@ -89,7 +89,7 @@ class Reduced:
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds(Interval):
-    """Proven: ``lower <= optimum <= upper``, in units of c^p, rounded outward.
+    """Proven bounds ``lower <= optimum <= upper``, in units of c^p, rounded outward.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Bounds(Interval):
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
     def within_rounding(self, gap: float) -> bool:
-        """Return whether a wider bracket says as much, since the cost itself is rounded."""
+        """Return whether the bracket is wider than `gap` and the cost is within its rounding."""
         return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
@@ -126,7 +126,7 @@ class Breakdown:
     missed_count, false_count, switch_count : (T,) float arrays
         Unassigned existing objects, and half the total variation of the assignment.
     total : float
-        The whole cost: of its terms, not of those of each step.
+        The whole cost, summed from its terms and not from the costs of steps.
     """
 
     localisation: Floats
@@ -141,16 +141,16 @@ class Breakdown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Brackets:
-    """Costs of N stretches of steps, each by itself, in units of c^p: of a curve, of windows.
+    """Costs of N stretches of steps, each evaluated separately (curve, windows), in units of c^p.
 
     Parameters
     ----------
     lower, upper : (N,) float arrays
         Proven bounds.
     parts : (4, N) float array
-        Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
+        Localisation, missed, false and switch cost of the assignment with the cost `upper`.
     rounding : (N,) float array
-        As of `Bounds`.
+        Limits of rounding as in `Bounds`.
     """
 
     lower: Floats
@@ -159,7 +159,7 @@ class Brackets:
     rounding: Floats
 
     def met(self, gap: float) -> Mask:
-        """Return which brackets are met, as `Bounds.met`, (N,)."""
+        """Return whether each bracket is met, as `Bounds.met`, (N,)."""
         narrow = self.upper - self.lower <= gap * self.upper
         met: Mask = narrow | (self.upper <= self.rounding)
         return met
@@ -172,10 +172,10 @@ class Windows(Brackets):
     Parameters
     ----------
     first, last : (N,) int arrays
-        The first and the last step of each, of the T steps.
+        The first and the last of the T steps that are in each window.
     size, every : str
-        Length of each, and from one to the next, in words; blank until they are known. The last
-        may be nearer to the one before.
+        Length of a window, and distance to the next window, in words; blank until they are known.
+        The last window may be nearer to the one before.
     """
 
     first: Ints
@@ -186,14 +186,14 @@ class Windows(Brackets):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssignedPairs:
-    """Pairs that both exist, are nearer than the cutoff, and are assigned, by (step, truth).
+    """Assigned pairs of existing objects that are nearer than the cutoff, by (step, truth).
 
     Parameters
     ----------
     step, truth, estimate, entry : (N,) int arrays
-        When and who, and the entry of the problem.
+        Step, true object, estimate and entry of the problem.
     weight : (N,) float array
-        How much of it.
+        Weight of the assignment.
     """
 
     step: Ints
@@ -204,21 +204,21 @@ class AssignedPairs:
 
     @classmethod
     def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
-        """Build the pairs from rows with such columns, each its own entry."""
+        """Build the pairs from rows with these columns; the entry of each is its row number."""
         columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
         return cls(**columns, entry=np.arange(len(rows)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unjudged:
-    """States that are not judged, by step (T,).
+    """States that are not evaluated, by step (T,).
 
     Parameters
     ----------
     ignored, excused : int arrays
-        Ignored truths and excused estimates.
+        Number of ignored objects and of excused estimates.
     absorbed : float array
-        Estimates that follow an ignored truth, by their weights.
+        Number of estimates that follow an ignored object, counted by their weights.
     """
 
     ignored: Ints
@@ -227,7 +227,7 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Join those of several evaluations of the same steps; None if there are none."""
+        """Add up several evaluations of the same steps; None if there are none."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
@@ -243,7 +243,7 @@ class Unjudged:
 
 
 def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
-    """Return what a feasible assignment (S,) leaves uncounted; None if nothing."""
+    """Return the states that a feasible assignment (S,) does not count; None without a mask."""
     problem = states.problem
     if problem.unjudged is None:
         return None
@@ -262,10 +262,10 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
 
 
 def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
-    """Return rows of either side that other metrics count, by a feasible assignment (S,).
+    """Return the rows of either side that other metrics count, by a feasible assignment (S,).
 
-    Without ignored truths, the estimates that mostly follow one, and excused estimates that follow
-    no truth.
+    They do not count ignored objects, estimates that mostly follow an ignored object, and excused
+    estimates that do not mostly follow another object.
     """
     problem = states.problem
     truths, estimates = problem.sides
@@ -296,14 +296,14 @@ def read_assigned(states: States, weights: Ints) -> AssignedPairs:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Switches:
-    """Changes of the assignment of each truth, by (step, truth).
+    """Changes of the assignment of each true object, by (step, truth).
 
     Parameters
     ----------
     step, truth : (N,) int arrays
-        When and whose.
+        Step and true object of each change.
     before, after : (N,) int arrays
-        The estimates with the largest loss and the largest gain, -1 where there is none.
+        Estimates with the largest fall and the largest rise of weight, -1 if none falls or rises.
     variation : (N,) float array
         Total variation, twice the number of switches.
     """
@@ -349,9 +349,9 @@ class PerTrack:
     Parameters
     ----------
     localisation, unassigned, switch : (k,) float arrays
-        Costs: of errors, of steps at which it is missed, or false, and of its switches.
+        Costs of its errors, of the steps at which it is missed or false, and of its switches.
     unassigned_count, switch_count : (k,) float arrays
-        Such steps, and switches.
+        Number of steps at which it is missed or false, and of its switches.
     """
 
     localisation: Floats
@@ -362,7 +362,7 @@ class PerTrack:
 
 
 def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
-    """Return contributions in a feasible assignment (S,); side 0 are truths, 1 estimates."""
+    """Return contributions in a feasible assignment (S,); side 0 is the truth, 1 the estimate."""
     problem = states.problem
     objects, pair_track = problem.sides[side], states.pair_tracks[side]
     used, entry, weight = assigned(states, weights)

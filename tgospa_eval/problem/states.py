@@ -1,13 +1,13 @@
-"""The reduced problem: what can be assigned, from when to when, and what competes for it.
+"""The reduced problem: states that can be assigned, and the slots for which they compete.
 
-A *state* is a pair of trajectories over a stretch of steps on which its assignment can be taken
+A *state* is a pair of trajectories over a stretch of steps on which its assignment can be assumed
 constant: one step with a gain, or a maximal run of steps without (docs/theory/reductions.md, "Run
 merging"). Their number grows with the gains, not with pairs x steps. Blocks (connected components
 of the pair graph, each in its own window of time) share nothing and are contiguous in every array.
 
-Slots are stretches of steps of a node on which the states that compete for it do not change; the
-assignment over one sums to at most 1. Weights of states are integers, which makes them feasible.
-`merge_runs` leads from a problem to its states: pairs, components, windows, runs, slots.
+A *slot* is a stretch of steps of a node on which the states that compete for it do not change; the
+weights of these states sum to at most 1. Weights are integers, so that this is checked exactly.
+`merge_runs` makes the states of a problem: pairs, components, windows, runs, slots.
 """
 
 import itertools
@@ -26,17 +26,17 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import Objects, Problem, sum_parts
 
 PART = 1 << 19
-"""States that are looked at together where arrays as long as all states would be too much."""
+"""States of a part, where arrays as long as all states would need too much memory."""
 
 CROWD, FULL_SUM = 4000, 1 << 61
-"""More pairs of a node than this may sum to more than FULL_SUM, where weights are below 2^50."""
+"""Up to CROWD pairs of a node sum to less than FULL_SUM, because weights are below 2^50."""
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
     """Return ``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
 
-    Part i begins at first[i]. Differences of the sums of integers are exact, even where the sum
-    over all parts overflows, and a small sum never loses its digits to large values far away. With
+    Part i begins at first[i]. Differences of the integer sums are exact, even if the sum over all
+    parts overflows, and a small sum keeps its digits next to large values of other parts. With
     `floor` values never become larger (docs/theory/certificate.md, "Rounding").
     """
     size = sum_parts(np.abs(value), first)
@@ -50,7 +50,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
-    """Return whether the weight of each state differs from its pair's state before."""
+    """Return whether the weight of each state differs from that of the pair's state before it."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
     differs[pair_first[:-1]] = False
@@ -61,8 +61,8 @@ def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
 class Slots:
     """The capacity constraints on one side, rows or columns.
 
-    Nodes with one pair have none: the bound of the other side implies it. A state covers the slots
-    from its own first to the one before the first of the next state of its pair.
+    Nodes with one pair have no slots, because the constraint of the other side implies theirs. A
+    state covers the slots from its first one to the last before the next state of its pair.
 
     Parameters
     ----------
@@ -89,14 +89,14 @@ class Slots:
 
     @property
     def end(self) -> Ints:
-        """The slot after the last of each state, (S,)."""
+        """The slot after the last slot of each state, (S,)."""
         end = np.empty_like(self.begin)
         end[:-1] = self.begin[1:]
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Return which states, or chosen ones, cover a marked slot (K,)."""
+        """Return whether each state, or each chosen one, covers a slot that is marked (K,)."""
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
         begin, end = self.begin, self.end
@@ -108,8 +108,8 @@ class Slots:
     def sums(self, weight: Ints) -> Ints:
         """Return the exact sum of the integer weights (S,) of the states over each slot, (K,).
 
-        Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
-        up to FULL_SUM, and FULL_SUM above that.
+        Weights are >= 0. If a node has so many pairs that integers could overflow, sums above
+        FULL_SUM are replaced by FULL_SUM.
         """
         if len(self.pair_node) > CROWD and int(np.bincount(self.pair_node).max()) > CROWD:
             sums = self._sums(weight)
@@ -126,7 +126,7 @@ class Slots:
         return self._accumulate(weight)
 
     def loads(self, weight: Floats | Mask) -> Floats:
-        """Return `sums` of weights that need not be whole; of booleans, the count of true ones."""
+        """Return `sums` of weights that need not be integers; for booleans, counts of true ones."""
         weight = weight.astype(np.float64, copy=False)
         if kernels:
             sums: Floats = kernels.slot_loads(
@@ -192,7 +192,7 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""States of a problem that keeps its `rows`, whoever asked for them."""
+"""Largest number of states with which the whole keeps the `rows` that `between` makes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,25 +200,25 @@ class States:
     """All states of a problem, with the graph that joins them.
 
     Nodes are trajectories that have a pair, numbered block by block. One side of a block is its
-    rows (one path each), the other its columns (priced); rows are the truths unless the block has
-    a single estimate and several truths.
+    rows (one path each), the other its columns (priced). Rows are the true objects, unless the
+    block has a single estimate and several true objects.
 
     Parameters
     ----------
     problem : Problem
-        What was reduced.
+        The problem that was reduced.
     pair_row, pair_column, pair_block : (P,) int arrays
         Row node, column node and block of each pair.
     pair_first : (P + 1,) int array
         First state of each pair; its states follow in time.
     pair_truth, pair_estimate : (P,) int arrays
-        Tracks.
+        Number of the true object and of the estimate of each pair.
     begin : (S,) int array
         First step of each state.
     entry : (S,) int array
-        Entry of the problem that a gain comes from, -1 for a run without gain.
-    columns : Slots
-        Constraints of the columns; `rows` are made when they are asked for.
+        Entry of the problem that the gain comes from, -1 for a run without gain.
+        columns : Slots
+            Constraints of the columns; `rows` are made at their first use.
     node_block : (nodes,) int array
         Block of each node.
     block_begin, block_end : (B,) int arrays
@@ -267,7 +267,7 @@ class States:
 
     @property
     def block_first(self) -> Ints:
-        """First state of each block, and the end, (B + 1,)."""
+        """First state of each block, and the end of the last, (B + 1,)."""
         blocks = np.arange(len(self.block_begin) + 1)
         return self.pair_first[np.searchsorted(self.pair_block, blocks)]
 
@@ -281,7 +281,7 @@ class States:
 
     @property
     def pair_tracks(self) -> tuple[Ints, Ints]:
-        """Truth and estimate of each pair."""
+        """True object and estimate of each pair."""
         return self.pair_truth, self.pair_estimate
 
     def slots_of(self, blocks: Mask) -> Mask:
@@ -290,7 +290,7 @@ class States:
 
     @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
-        """Block of each truth, and of each estimate, -1 for those without a near pair."""
+        """Block of each true object, and of each estimate, -1 for those without a near pair."""
         sizes = self.problem.truths, self.problem.estimates
         blocks = np.full(sizes[0], -1, np.int64), np.full(sizes[1], -1, np.int64)
         for block, track in zip(blocks, self.pair_tracks, strict=True):
@@ -318,9 +318,9 @@ class States:
         return gain
 
     def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
-        """Return some pairs, of whole rows, and which states they are; a slice copies little.
+        """Return a part of some pairs, of whole rows, and the places of its states.
 
-        Nodes, blocks and column slots keep their numbers.
+        Nodes, blocks and column slots keep their numbers. A slice of pairs copies little.
         """
         own: slice | Ints
         if isinstance(pairs, slice):
@@ -346,7 +346,7 @@ class States:
         return part, own
 
     def cuts(self, size: int) -> list[tuple[int, int]]:
-        """Return ranges of blocks, for `between`, each but the last with at least `size` states."""
+        """Return ranges of blocks, for `between`, with at least `size` states except the last."""
         blocks = len(self.block_begin)
         if 0 < len(self.begin) <= size:
             return [(0, blocks)]
@@ -359,16 +359,16 @@ class States:
         return cuts
 
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
-        """Return the blocks from `low` to before `high` as a problem of their own; copy little.
+        """Return the blocks from `low` to before `high` as separate states; this copies little.
 
-        Its `rows` live as long as it does: the whole does not keep them, unless it is small.
+        The result keeps its own `rows`. The whole does not keep them, unless it is small.
 
         Returns
         -------
         states : States
-            On the same `problem`.
+            States of the same `problem`.
         state, slot : slice
-            Where its states and its column slots are here.
+            Places of its states and of its column slots in this object.
         """
         if (low, high) == (0, len(self.block_begin)):
             whole = self if len(self.begin) <= SMALL else replace(self)
@@ -415,18 +415,18 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
 
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
-"""The integer that stands for the weight 1: multiples of 1/2 to 1/18 are exact. Near 2^50, so that
-sums of some thousand weights fit, and doubles hold each (docs/theory/certificate.md, "Repair")."""
+"""Integer that means the weight 1: multiples of 1/2 to 1/18 are exact. It is near 2^50, so that
+sums of some thousand weights fit, and each is a double (docs/theory/certificate.md, "Repair")."""
 
 STATES_A_STEP = 32
-"""States of a part for each step that it lasts: fewer cost no more than the call of a function."""
+"""States of a part for each of its steps: fewer would take no longer than calling a function."""
 
 SNAP_WHOLE = ONE * 1e-9
-"""Weights this near to 0 or 1 are meant to be 0 or 1."""
+"""Distance from 0 and 1 within which weights are set to 0 or 1."""
 
 
 def repair(states: States, weights: Floats) -> Ints:
-    """Return a feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    """Return a feasible assignment near to the weights: clipped, snapped to 0 and 1, and scaled."""
     whole = np.empty(len(weights), np.int64)
     whole_weights(weights, whole)
     make_feasible(states, whole)
@@ -434,7 +434,7 @@ def repair(states: States, weights: Floats) -> Ints:
 
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
-    """Return weights in units of 1/ONE, clipped and snapped, perhaps in the same memory."""
+    """Write weights in units of 1/ONE, clipped and snapped, to `whole`, which may share memory."""
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
     fixed[fixed < SNAP_WHOLE] = 0
@@ -443,14 +443,14 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
 
 
 def make_feasible(states: States, weights: Ints) -> Ints:
-    """Scale the weights where a slot is too full, in place; their sums over the column slots."""
+    """Scale weights in slots that are too full, in place; return their sums over column slots."""
     for part, own in row_parts(states):
         _fit(part.rows, weights[own])
     return _fit(states.columns, weights)
 
 
 def _fit(slots: Slots, weights: Ints) -> Ints:
-    """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
+    """Scale the states of slots with a sum above ONE by that sum, in place; return the new sums."""
     sums = slots.sums(weights)
     while sums.max(initial=0) > ONE:
         _scale(slots, weights, sums)
@@ -459,7 +459,7 @@ def _fit(slots: Slots, weights: Ints) -> Ints:
 
 
 def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
-    full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
+    full = np.zeros(len(sums) + 1, np.int32)  # number of slots before each that are too full
     np.cumsum(sums > ONE, out=full[1:])
     sums = np.append(sums, 0)
     begin, end = slots.begin, slots.end
@@ -467,16 +467,16 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
     over = over[np.argsort(begin[over], kind="stable")]
     bounds = np.stack((begin[over], end[over]), axis=1).ravel()
     fullest = np.maximum.reduceat(sums, bounds)[::2]
-    # Rounded down by more than the product can be rounded up.
+    # The factor is reduced by more than the product can be rounded up.
     factor = ONE / fullest * (1 - 2.0**-48)
     weights[over] = np.floor(weights[over] * factor)
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
-    """Return the states in parts of whole rows, about PART states each, and where they are.
+    """Yield the states in parts of whole rows, about PART states each, and their places.
 
-    Rows do not depend on each other once prices are given. Nodes and column slots keep their
-    numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
+    For given prices rows do not depend on each other. Nodes and column slots keep their numbers. A
+    pass over a part needs a turn for each step, so parts of long recordings are larger.
     """
     size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:
@@ -489,21 +489,21 @@ def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
 
 
 def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return states with an assigned near pair, their entries, and how much of each."""
+    """Return the states with an assigned near pair, their entries, and their weights."""
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     return used, states.entry[used], weights[used]
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
-    """Return states whose weight differs from that of the state before, and the fraction."""
+    """Return states whose weight differs from that of the state before, and |difference| / ONE."""
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
 
 
 def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
-    """Return what weights of entries leave of each row of a side, (R,), in units of 1/ONE.
+    """Return the unassigned weight of each row of a side, (R,), in units of 1/ONE.
 
-    0 of rows that are not judged.
+    It is 0 for ignored and excused rows.
     """
     free = np.full(len(side.step), ONE)
     np.subtract.at(free, side.row[entry], weight)
@@ -515,21 +515,22 @@ def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
 def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
 
-    Pairs that never gain are gone; components are apart; steps before the first and after the last
-    gain of a component are gone; runs without gain are one state each, border runs included. With
-    time-varying switch prices a run stays one state a step.
+    Pairs that never gain are left out, and components are separated. Steps before the first and
+    after the last gain of a component are left out. A run without gain is one state, also at the
+    ends of the window. With time-varying switch prices a run is one state per step.
 
     Parameters
     ----------
     problem : Problem
-        What is reduced.
+        The problem to reduce.
     transpose : bool
-        Whether the rows of blocks with a single estimate are estimates; else rows are truths.
+        Whether the row of a block with one estimate and several true objects is the estimate;
+        otherwise all rows are true objects.
 
     Raises
     ------
     InputError
-        There is more of something than 32-bit indices can number.
+        The number of steps, trajectories, rows or near pairs exceeds 32-bit indices.
     """
     for what, count in (
         ("steps", problem.steps),
@@ -604,7 +605,7 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
 
 
 def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Renumber nodes block by block, rows first; return the block of each, and renamed pairs."""
+    """Renumber nodes block by block, rows first; return the block of each, and the new pairs."""
     row_ids, row_at, row_of = np.unique(row, return_index=True, return_inverse=True)
     col_ids, col_at, col_of = np.unique(column, return_index=True, return_inverse=True)
     node_block = np.concatenate((block[row_at], block[col_at]))
@@ -618,7 +619,7 @@ def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Int
 def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
     """Return the first and last step with a gain of each block, (2, B); `block` is by entry."""
     window = np.zeros((2, blocks), np.int32)
-    # Entries are in order of time, so the last assignment to a place wins.
+    # Entries are in order of time, so the last value written to a place remains.
     window[1][block] = step
     window[0][block[::-1]] = step[::-1]
     return window
@@ -629,8 +630,8 @@ def split_pairs(
 ) -> tuple[Ints, Ints, Ints]:
     """Return each pair's first state, and begin and entry of states, sorted by (pair, begin).
 
-    `pair_of`, `step` are those of each entry, in order of time; `first` and `last` the window of
-    each pair. With `single` a run is one state for each step.
+    `pair_of` and `step` are the pair and step of each entry, in order of time; `first` and `last`
+    are the window of each pair. With `single` a run is one state for each step.
     """
     if kernels:
         split: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)

@@ -1,4 +1,4 @@
-"""Proof folders: a number with what a third party needs to check it again."""
+"""Proof folders: a result with the data that a third party needs to check it."""
 
 PROOF_FOLDER = "proof"
-"""Folder of the proof in a result folder."""
+"""Name of the proof folder in a result folder."""

@@ -1,4 +1,4 @@
-"""Proof folders, checked in exact integers: of each the claim, and whether it holds."""
+"""Checks of proof folders in exact integers: the claim of each, and whether it holds."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -7,7 +7,7 @@ from contextlib import suppress
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.proof import PROOF_FOLDER, verify_tgospa
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class Verification:
     Parameters
     ----------
     claims : tuple of Claim
-        One claim, or one for each class.
+        One claim, or one claim for each class.
     """
 
     claims: tuple[Claim, ...]
@@ -82,12 +82,12 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
 
 
 def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
-    """Check all proofs in a folder; the work of all together is limited.
+    """Check all proofs in a folder; their total work is limited.
 
     Raises
     ------
     InputError
-        The folder has no proof.
+        The folder has no proof, or has a link out of it.
     """
     folders = _folders(folder)
     claims = [] if folders == [folder] else list(_missing_classes(folder, folders))
@@ -110,7 +110,7 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
     files : Folder
         Reader of the folder.
     more : callable
-        Further check: it raises `Wrong`, or returns its outcome in words.
+        Further check, which raises `Wrong` or returns its outcome in words.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
 
 
 def _folders(folder: str) -> list[str]:
-    """Return the folders that have a proof: the named one, or those of classes in it."""
+    """Return the folders that have a proof: the named folder, or folders of classes in it."""
     for path in (folder, os.path.join(folder, PROOF_FOLDER)):
         folders = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
         if folders:

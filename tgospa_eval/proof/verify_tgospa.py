@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
 """Check a TGOSPA value from its proof folder: ``python verify_tgospa.py FOLDER``.
 
-It needs Python's standard library alone, and trusts no floating-point number: a state is the
-binary64 number nearest to its text, and from there on all are integers, rounded to stay true.
+It needs only Python's standard library, and does not rely on floating-point arithmetic: a state is
+the binary64 number nearest to its text, and all further numbers are integers, rounded outward.
 
-The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): truths i and estimates j exist
-at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a truth, and those of
-an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
+The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): true objects i and estimates j
+exist at some steps k. An assignment has weights W_ij(k) >= 0; at each step the weights of an object
+sum to at most 1, and those of an estimate too. Its cost in units of c^p (cutoff c, order p) is
     sum over existing objects of P  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
-where P = 1/2, or 1 - rho of truths, rho of estimates, G = 1 - (d / c)^p if both exist with d < c,
-else 0, L = (g / c)^p / 2. Of masked states P is 0, of truths with the weight w = 0 and of excused
-estimates; then G = P_i + P_j - w (d / c)^p if positive and d < c, else 0. The least cost is
-(TGOSPA / c)^p. The folder has an assignment, which is checked and of which the cost is an upper
-bound, and prices v_j(k) >= 0. For any such prices
+where P is 1 - rho for true objects and rho for estimates (rho = 1/2 by default), G = 1 - (d / c)^p
+if both exist with d < c, else 0, and L = (g / c)^p / 2 with the switch penalty g. With masks P is 0
+for true objects with the weight w = 0 and for excused estimates, and G = P_i + P_j - w (d / c)^p if
+this is positive and d < c, else 0. The least cost is (TGOSPA / c)^p. The folder has an assignment,
+which is checked; its cost is an upper bound. It also has prices v_j(k) >= 0. For any such prices
     sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
-is a lower bound, where R_i is the most that truth i can gain when it pays v_j(k) for using j at k,
-L for taking an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the
-cost: it does not grow, and has one part for each truth.) R_i comes from dynamic programming.
+is a lower bound, where R_i is the most that object i can gain if it pays v_j(k) for using j at k, L
+for taking an estimate and L for leaving it. Proof: the prices times sum_i W_ij(k) - 1 <= 0, added
+to the cost, do not increase it; the sum has one part for each i. Dynamic programming gives R_i.
 """
 
 import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, re, sys
@@ -26,17 +26,17 @@ SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
 MARKS, COUNTED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
-MORE_BITS = 120  # of costs, beyond those of prices
+MORE_BITS = 120  # bits of costs in addition to those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
 
-# Limits far above what is needed, so that any small folder is checked in seconds.
+# Limits far above the usual sizes, so that any small folder is checked in seconds.
 PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
-LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
+LENGTH, FIGURES = 60, 1000  # characters of a decimal number, digits of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
 WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # about microseconds per megabyte; bytes
 
-# All fields of proof.json: [x] is a list of x, (x, y) a row, fields of MAY are optional.
+# All fields of proof.json: [x] means a list of x, (x, y) a row; fields under MAY are optional.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
@@ -74,7 +74,7 @@ class BeyondLimits(ValueError):
 
 
 def visible(text):
-    """Return a text on one line, all of it visible: no line ends or control marks."""
+    """Return a text on one line, with line ends and control characters made visible."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -93,7 +93,7 @@ def whole(value, limit=10**FIGURES):
 
 
 def check(value, kind, where):
-    """Check that a value of the document is of a kind, as DOCUMENT has them."""
+    """Check that a value of the document has a kind as in DOCUMENT; `where` is its place."""
     if isinstance(kind, dict):
         check(value, dict, where)
         known = kind | kind.get(MAY, {})
@@ -116,14 +116,14 @@ def check(value, kind, where):
 
 
 class Folder:
-    """The files of a proof, and how much work it takes to check them."""
+    """Files of a proof, and the work of checking them."""
 
     def __init__(self, path, before=None):
         self.path = pathlib.Path(path)
         self.size, self.work = (before.size, before.work) if before else (0, 0)
 
     def read(self, name):
-        """Return the bytes of a file of the folder itself."""
+        """Return the bytes of a file that lies in the folder itself."""
         if not (path := self.path / name).is_file():  # a device may have no end
             raise FileNotFoundError(f"{name} is missing, or is not a file")
         if path.resolve().parent != self.path.resolve():  # messages must not show files elsewhere
@@ -133,7 +133,7 @@ class Folder:
         return path.read_bytes()
 
     def text(self, name, digest=None):
-        """Return the text of a file: UTF-8 without a byte order mark, with the digest if any."""
+        """Return the text of a file: UTF-8 without a byte order mark; check its digest if given."""
         self.size += len(data := self.read(name))
         if digest not in (None, hashlib.sha256(data).hexdigest()):
             raise Wrong(f"{name} was changed after the proof was written")
@@ -145,7 +145,7 @@ class Folder:
             raise ValueError(f"{name} is not UTF-8, as of byte {error.start}") from None
 
     def table(self, name, proof, *header):
-        """Return the rows of a table, which must be the proven one and have these columns."""
+        """Return the rows of a table, which must have its digest in the proof and these columns."""
         text = self.text(name, proof["sha256"][name])
         top, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
         if top != list(header) or any(len(row) != len(header) for row in rows):
@@ -153,7 +153,7 @@ class Folder:
         return rows
 
     def proof(self):
-        """Return the document, if it has the fields of the schema and no others."""
+        """Return the document, which must have exactly the fields of the schema."""
         proof = json.loads(
             self.text("proof.json"),
             object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else {"name twice": 0},
@@ -180,24 +180,24 @@ class Folder:
         return proof
 
     def spend(self, work):
-        """Take so much; beyond MEGABYTE it may grow faster than the pairs that rows can have."""
+        """Count work up to a limit, which beyond MEGABYTE grows faster than the pairs of rows."""
         self.work += work
         if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
             raise BeyondLimits("there are too many near pairs for a folder of this size")
 
 
 def is_closed(given):
-    """Return whether distances follow from the states: not for reports on a common clock."""
+    """Return whether distances follow from the states; not if reports are held on a clock."""
     return given["distance"] in CLOSED and "held" not in given
 
 
 def pair_work(columns, size):
-    """Estimate the work of a measured pair, of so many columns of so many bits."""
+    """Estimate the work of a measured pair; `size` is the number of bits of a column."""
     return 2.5 + columns * (0.5 + size / 500)
 
 
 def power_work(exponent, size, bits):
-    """Estimate the work of a near pair: a power of integers of so many bits, and its bounds."""
+    """Estimate the work of a near pair: a power of integers of `size` bits, and its bounds."""
     if exponent.denominator <= 16 and (top := exponent.numerator * size) <= EXACT_BITS:
         return 10 + bits / 50 + (top + exponent.denominator * bits) ** 2 / 10**6
     return 40 + size / 20 + (30 + bits / 3) ** 2 / 80
@@ -221,14 +221,14 @@ def power(a, b, exponent, bits):
 
 
 class Known(dict):
-    """Contents of the tables, by their text."""
+    """Contents of the tables by their text; a text that no table has is an error."""
 
     def __missing__(self, text):
         raise Wrong(f"no table has {text!r:.80}")
 
 
 class ClaimedScene:
-    """Objects by step, and the cost of each pair that is nearer than the cutoff."""
+    """Objects by step, and the cost of each pair nearer than the cutoff."""
 
     def __init__(self, folder, proof):
         given = proof["parameters"]
@@ -272,7 +272,7 @@ class ClaimedScene:
             rows = folder.table("distances.csv", proof, "truth", "estimate", "t", "distance")
             pairs = self._listed(sides, rows)
         exponent = self.order / (2 if self.kind == "euclidean" and is_closed(given) else 1)
-        for truth, estimate, k, a, b in pairs:  # (d / c)^2 or d / c is a / b
+        for truth, estimate, k, a, b in pairs:  # a / b is (d / c)^2 or d / c
             if a < b:
                 folder.spend(power_work(exponent, b.bit_length(), self.bits))
                 both = price[0][truth, k], price[1][estimate, k]
@@ -285,13 +285,13 @@ class ClaimedScene:
                 raise ValueError("distances.csv has a duplicate pair at one time")
 
     def _lost(self, low, high, missed, false):
-        """Return 1 less the gain P_i + P_j - w (d / c)^p of a pair, as integers around it."""
+        """Return integers below and above 1 minus the gain P_i + P_j - w (d / c)^p of a pair."""
         rest = (1 << self.bits) - missed - false
         cost = [rest + (power if missed else 0) for power in (low, high)]
         return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
 
     def _listed(self, sides, rows):
-        """Yield the pairs of distances.csv, with two integers whose ratio is d / c."""
+        """Yield the pairs of distances.csv, each with two integers whose ratio is d / c."""
         top, base = self.cutoff.as_integer_ratio()
         for truth, estimate, t, distance in rows:
             k, (a, b) = self.step[t], number(distance)
@@ -300,7 +300,7 @@ class ClaimedScene:
             yield truth, estimate, k, a * base, b * top
 
     def _measured(self, folder, sides, scale, turn):
-        """Yield the pairs of each step, in neighbouring cells as large as the cutoff."""
+        """Yield the pairs of each step in neighbouring cells, which are as wide as the cutoff."""
         every = itertools.chain([turn], sides[0].values(), sides[1].values())
         units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
         unit = max(units | {self.cutoff.denominator})  # all are powers of 2
@@ -330,7 +330,7 @@ class ClaimedScene:
                             yield name, other, k, *self._ratio(row, place, cutoff, unit, turn)
 
     def _ratio(self, x, y, cutoff, unit, turn):
-        """Return two integers whose ratio is (d / c)^2 for euclidean, d / c for others."""
+        """Return two integers whose ratio is (d / c)^2 for euclidean, d / c for other distances."""
         if self.kind == "iou":  # left, top, right, bottom, area
             wide, high = min(x[2], y[2]) - max(x[0], y[0]), min(x[3], y[3]) - max(x[1], y[1])
             both = max(wide, 0) * max(high, 0)
@@ -343,7 +343,7 @@ class ClaimedScene:
 
 
 def lower_bound(scene, proof):
-    """Return the lower bound by the prices, in units of 2^-bits c^p."""
+    """Return the lower bound from the prices, in units of 2^-bits c^p."""
     paid = collections.defaultdict(lambda: ([], [0]))  # steps with a price, sums of prices so far
     prices = ((scene.step[t], scene.estimates[j], whole(v)) for j, t, v in proof["prices"])
     for k, name, price in sorted(prices):
@@ -353,7 +353,7 @@ def lower_bound(scene, proof):
     bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
         # The largest gain so far, without prices, by assigned estimate. The first assignment costs
-        # its prices alone, which are >= 0: nothing starts before a gain.
+        # only its prices, which are >= 0, so it need not start before its first gain.
         assigned, free = dict.fromkeys(costs, 0), 0
         gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
         for _, group in itertools.groupby(gains, lambda gain: gain[0]):
@@ -379,7 +379,7 @@ def upper_bound(scene, proof):
         whole(end - begin - 1)
         for k, change in ((begin, whole(weight)), (end, -weight)):
             for key in (("truth", truth), ("estimate", estimate)):
-                loads[key][k] += change  # changes of the sum of its weights
+                loads[key][k] += change  # change of the sum of its weights at step k
             changes[truth, estimate][k] += change
     for (side, name), load in loads.items():
         for k, total in zip(sorted(load), itertools.accumulate(load[k] for k in sorted(load))):
@@ -388,16 +388,16 @@ def upper_bound(scene, proof):
     for (truth, estimate), of in changes.items():
         costs = scene.near[truth][estimate]
         sums = list(itertools.accumulate((one - high for _, _, high in costs), initial=0))
-        for k, change in of.items():  # from step k on there is so much more weight
+        for k, change in of.items():  # from step k on the weight is larger by change
             saved += change * (sums[-1] - sums[bisect.bisect_left(costs, (k,))])
             moved += abs(change) if 0 < k < len(scene.times) else 0
-    if moved and scene.never:  # more than 2^-64 of 2^128 c^p, and no assignment costs less
+    if moved and scene.never:  # a change of >= 2^-64, where a switch costs > 2^128 c^p
         raise Wrong("the assignment has switches, where one costs more than all objects")
     return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 
 
 def proven_bounds(scene, proof):
-    """Return bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
+    """Return bounds of the total cost and of TGOSPA, as decimals widened by 1e-45 (relative)."""
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
@@ -409,7 +409,7 @@ def proven_bounds(scene, proof):
 
 
 def rounded(bounds):
-    """Return two bounds as texts of 17 digits, rounded outward."""
+    """Return two bounds as texts with 17 digits, rounded outward."""
     down, up = (decimal.Context(17, way) for way in (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
     return [str(down.plus(bounds[0] or 0)), str(up.plus(bounds[1] or 0))]
 
@@ -432,7 +432,7 @@ def verify(folder):
 
 
 def main(arguments):
-    """Return the exit status: 0 the claim holds, 1 it does not, 2 wrong usage, 3 no proof."""
+    """Return the exit status: 0 claim holds, 1 claim does not hold, 2 wrong usage, 3 no proof."""
     if len(arguments) != 1:
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2

@@ -1,4 +1,4 @@
-"""A result as a proof folder: both tables as compared, prices, assignment, and the claim."""
+"""A result as a proof folder: both compared tables, prices, assignment, and the claim."""
 
 import csv
 import decimal
@@ -23,17 +23,17 @@ from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
+from tgospa_eval.quoting import as_unicode, quoted
 from tgospa_eval.results.records import ComparedSides, PairProof
 from tgospa_eval.solvers.warm_start import save_solution
-from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
-"""Relative tolerance of distances computed again, perhaps by another version of a library."""
+"""Relative tolerance of distances that are computed again, maybe by other library versions."""
 
 
 WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
-"""Columns of states that are not judged."""
+"""Columns that mark ignored objects and excused estimates."""
 
 
 def proof_tables(
@@ -44,11 +44,11 @@ def proof_tables(
     Parameters
     ----------
     compared : ComparedSides
-        States, ids and times.
+        States, ids and times of both sides.
     problem : Problem
         Rows and costs.
     parameters : Parameters
-        What turns costs into distances.
+        Cutoff and order, which turn costs into distances.
     """
     labels, times = compared.labels, times_of(compared)
     marks = MARKS if problem.unjudged is not None else ("", "")
@@ -84,21 +84,21 @@ def proof_tables(
 
 
 def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
-    """Return the column of marks of a side, if there is one."""
+    """Return the column of marks of a side, in a list; empty without marks."""
     if unjudged is None:
         return []
     return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
 
 
 def times_of(compared: ComparedSides) -> list[str]:
-    """Return each step as a text that is read back as the same number."""
+    """Return the time of each step as a text that is read back as the same number."""
     return [repr(moment) for moment in compared.timestamps.tolist()]
 
 
 def difference(name: str, one: str, other: str, cutoff: float) -> str:
     """Return where two tables first differ, in words; empty if they are the same.
 
-    Distances are the same within DISTANCE_TOLERANCE; a pair at the cutoff may be in one table.
+    Distances are the same within DISTANCE_TOLERANCE; a pair at the cutoff may be in one table only.
     """
     if name == "distances.csv":
         return _difference_of_distances(one, other, cutoff)
@@ -113,7 +113,7 @@ def _shown(line: str | None) -> str:
 
 
 def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
-    """Return as `difference`; a missing pair counts as at the cutoff."""
+    """Return `difference` of two tables of distances; a missing pair counts as at the cutoff."""
     given, made = (
         {
             (truth, estimate, t): float(d)
@@ -154,33 +154,33 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # -------------------------------------------------------------------------------------------------
 # From the prices of the solver to integer prices of using an estimate at a step.
 #
-# A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at the
-# step k, at the cutoff of the user. Five things differ in a `Solution`.
+# A checker without reductions needs one kind of price: v_j(k) >= 0 of the estimate j at the step k,
+# at the requested cutoff. The prices of a `Solution` differ in five ways.
 #
-# - A price of a slot is paid once, by whoever holds the estimate in it. It is put on the first step
-#   of the slot: within a slot nothing gains, so nobody enters between two of its steps.
-# - Blocks of a single estimate and several truths have the estimate as their row, and no prices.
-#   Those that make the other form tight follow from its value function: let V_k(i) be the most that
-#   the estimate can gain after the step k if it is with the truth i then, V_k(0) if with none. Then
-#   v(k) = V_{k-1}(0) - V_k(0), and at the first gain max(V_k(0), max_i G_i + V_k(i)) - V_k(0).
-#   Proof: G_i(k) + V_k(i) <= V_{k-1}(i), so with a_i(k) = V_k(i) - V_k(0), |a_i| <= L, each truth
-#   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
-#   optimum.
-# - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.certificate`, v = s v' + (1 - s) (A + B) z, where A + B is 1, or what is left of it
-#   if all truths are ignored or all estimates excused. Proof: a gain is
-#   G <= s G' + (1 - s) (A + B) (y + z), so each truth gains at most what it does there, and
+# - The price of a slot is paid once, by the object that has the estimate in it. It is put on the
+#   first step of the slot: nothing gains within a slot, so nothing enters between two of its steps.
+# - Blocks of a single estimate and several true objects have the estimate as their row, and no
+#   prices. Prices that make the other form tight follow from the value function. Let V_k(i) be the
+#   most that the estimate can gain after the step k if it is then assigned to the object i, and
+#   V_k(0) if it is then unassigned. Then v(k) = V_{k-1}(0) - V_k(0), and at the first gain
+#   v(k) = max(V_k(0), max_i G_i + V_k(i)) - V_k(0).
+#   Proof: G_i(k) + V_k(i) <= V_{k-1}(i). So with a_i(k) = V_k(i) - V_k(0), |a_i| <= L, each object
+#   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0. The prices sum to the optimum.
+# - Blocks may be solved at a smaller cutoff price s. With the prices v' there and the vertex cover
+#   (y, z) of `problem.certificate`, v = s v' + (1 - s) (A + B) z. Here A + B is 1, or less if all
+#   objects are ignored (A = 0) or all estimates excused (B = 0). Proof: each gain has
+#   G <= s G' + (1 - s) (A + B) (y + z), so each object gains at most s times its gain there, plus
 #   (1 - s) (A + B) y.
-# - Blocks of which nothing is proven: with the price B wherever an estimate may be used, no truth
-#   gains more than its own A, so that they take nothing from the others.
-# - A and B of a problem are doubles, those of a checker exact: see `_of_slots`.
+# - For some blocks nothing is proven. With the price B wherever an estimate may be used, no object
+#   gains more than its own A, so that these blocks do not lower the bound of the rest.
+# - A and B of a problem are doubles, those of a checker are exact: see `_of_slots`.
 
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
 
 SPARE_BITS = 55
-"""All that is cut off prices together is 2^-SPARE_BITS of the lower bound: it leaves half of the
-rounding that the bound allows for."""
+"""Rounding lowers all prices together by at most 2^-SPARE_BITS of the lower bound. This leaves half
+of the rounding that the bound allows for."""
 
 
 def price_bits(states: States, lower: float) -> int:
@@ -190,13 +190,13 @@ def price_bits(states: States, lower: float) -> int:
 
 
 Shares = tuple[Fraction, Fraction]
-"""Prices A and B of a missed and of a false target; those of a `Problem` are rounded."""
+"""Exact prices A and B of a missed and of a false target; those of a `Problem` are rounded."""
 
 
 def estimate_prices(
     states: States, prices: Floats, reduced: tuple[Reduced, ...], shares: Shares, bits: int
 ) -> Prices:
-    """Return prices that prove what the certificate proves, in units of 2^-bits c^p."""
+    """Return prices that prove the bound of the certificate, in units of 2^-bits c^p."""
     problem = states.problem
     own = int(shares[1] * (1 << bits))
     part_of = np.full(len(states.block_begin), -1)
@@ -234,7 +234,7 @@ def estimate_prices(
 
 
 def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
-    """Return estimates and steps of entries at which a false object costs something."""
+    """Return (estimate, step) of the entries whose estimate costs something if it is unassigned."""
     row = problem.estimate_row[entry]
     row = np.unique(row[problem.estimate_price[row] > 0])
     columns = problem.estimate_track[row], problem.estimate_step[row]
@@ -242,7 +242,7 @@ def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
 
 
 def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits: int) -> Prices:
-    """Return prices of slots at their first steps, as in the certificate, for the exact shares."""
+    """Return prices of slots at their first steps, as in the certificate, for exact A and B."""
     columns, problem = states.columns, states.problem
     unit, running = columns.running(fair_prices(prices))
     whole = np.diff(running)
@@ -264,8 +264,8 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
         }
     )
     # Let u = B - v where an estimate may be used, -v elsewhere. The bound is the sum of u and of
-    # what each truth costs at least, D - u or A; with all costs and u `less` times as large, so is
-    # it.
+    # the least cost of each object, from D - u and A. If all costs and u are multiplied by `less`,
+    # so is the bound.
     rounded = [Fraction(float(np.max(side.price, initial=0.0))) for side in problem.sides]
     ratios = [one / two for one, two in zip(shares, rounded, strict=True) if two]
     if any(ratio != 1 for ratio in ratios):
@@ -291,7 +291,7 @@ def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     priced: Prices = Counter()
-    value: dict[int, int] = {}  # V of each truth, if it is above that of none less `change`
+    value: dict[int, int] = {}  # V of each object, if it is above V of "none" less `change`
     unassigned = 0
     for step, group in itertools.groupby(zip(steps, truths, gains, strict=True), lambda at: at[0]):
         best = unassigned
@@ -312,7 +312,7 @@ def _whole(value: float, bits: int) -> int:
 
 
 COLUMN_NUMBERS = "scale", "periodic"
-"""Settings of a distance that have a number for some columns."""
+"""Settings of a distance that have a number for each of some columns."""
 
 
 def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
@@ -321,15 +321,14 @@ def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) ->
     Parameters
     ----------
     proof : PairProof
-        What was proven.
+        The proven result.
     origin : mapping of str to object, optional
-        Where the tables came from: ``inputs``, ``options``, and the ``class``, if it is one of
-        several.
+        Origin of the tables: ``inputs``, ``options``, and the ``class`` if there are several.
 
     Raises
     ------
     ConfigError
-        A proof folder cannot hold what was evaluated.
+        A proof folder cannot represent the evaluation.
     """
     compared = proof.compared
     check_provable(compared, proof.parameters)
@@ -376,8 +375,8 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
     Raises
     ------
     ConfigError
-        The steps are weighted, objects exist with probabilities, or distance, order or an id are
-        none that checkers know.
+        The steps are weighted, objects exist with probabilities, the reach grows with time, or the
+        checker does not support the distance, the order or a name.
     """
     settings = compared.settings
     for name, what in (
@@ -406,14 +405,14 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
 
 
 def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
-    """Check by the checker that these folders, in their order, prove what they claim.
+    """Check with the checker that these folders, in their order, prove their claims.
 
     Raises
     ------
     ConfigError
-        It would take too long.
+        The check would take too long.
     SolverError
-        They do not.
+        A folder does not prove its claim.
     """
     folder = None
     for texts in written:
@@ -435,7 +434,7 @@ def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
 
 
 class _Written(verify_tgospa.Folder):
-    """A folder that is not on a disk yet."""
+    """A proof folder in memory, before it is written."""
 
     def __init__(self, texts: Mapping[str, str], before: verify_tgospa.Folder | None) -> None:
         super().__init__("", before)
@@ -449,7 +448,7 @@ class _Written(verify_tgospa.Folder):
 def proof_parameters(
     compared: ComparedSides, parameters: Parameters, problem: Problem
 ) -> dict[str, object]:
-    """Return the parameters of the metric, as texts of the doubles used."""
+    """Return the parameters of the metric; numbers are texts of the doubles that were used."""
     settings = compared.settings
     return {
         "cutoff": repr(parameters.cutoff),
@@ -476,9 +475,9 @@ def proof_parameters(
 def _claim(proof: PairProof) -> list[str]:
     """Return the printed bounds of the total, widened by the rounding of unproven distances.
 
-    Relative, (d / c)^p of a distance that `proof_tables` computes from a cost; absolute, d of boxes
-    (a ratio near 1 taken from 1) and round a circle (a difference taken from the period), of which
-    an assignment has as many as the smaller side has states.
+    The relative part is for (d / c)^p of distances that `proof_tables` computes from costs. The
+    absolute part is for d of boxes (1 minus a ratio near 1) and round a circle (the period minus a
+    difference). An assignment has at most as many pairs as the smaller side has states.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
@@ -503,14 +502,15 @@ def _claim(proof: PairProof) -> list[str]:
 
 
 def _steps_of_tables(problem: Problem) -> Ints:
-    """Return the steps at which something exists: a checker knows no others."""
+    """Return the steps at which an object exists, which are the only steps of a checker."""
     return np.unique(np.concatenate([side.step for side in problem.sides]))
 
 
 def _at_steps(there: Ints, prices: Prices) -> Prices:
-    """Return the prices at such steps alone: each moved to the next one, or the last.
+    """Return the prices at the steps `there`: each moves to the next of these, or to the last.
 
-    Whoever uses an estimate there may as well use it from before, or to the end, and pays once.
+    A path that uses the estimate at the new step may as well use it since the old step, or from the
+    last step to the end: nothing is gained between these steps, and it pays the price once.
     """
     priced: Prices = Counter()
     steps = np.array([step for _, step in prices], np.int64)
@@ -521,10 +521,11 @@ def _at_steps(there: Ints, prices: Prices) -> Prices:
 
 
 def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
-    """Return truth, estimate, first and last step, and weight of stretches of equal weight.
+    """Return true object, estimate, first and last step, and weight of stretches of equal weight.
 
-    What is held to an end of the window of its block is held to that end of the recording. Ends
-    are among the steps `there`; between two of them nothing is gained, so the cost does not grow.
+    A stretch that reaches an end of the window of its block is extended to that end of the
+    recording. Ends are among the steps `there`: between these nothing is gained, so the cost does
+    not grow.
     """
     saved = save_solution(proof.states, proof.weights, proof.prices)
     begin = np.searchsorted(there, saved.begin)
@@ -537,14 +538,14 @@ def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, i
 
 
 def _numbers(settings: Mapping[str, object], name: str) -> dict[str, float]:
-    """Return a setting that has a number for some columns."""
+    """Return a setting that has a number for each of some columns."""
     numbers = settings.get(name, {})
     assert isinstance(numbers, Mapping)
     return dict(numbers)
 
 
 def _json(document: Mapping[str, object], lists: Mapping[str, Iterable[str]]) -> str:
-    """Return JSON with a line for each field, and for each element of the lists."""
+    """Return JSON with one line for each field and for each element of the lists."""
     texts = {
         name: json.dumps(value, sort_keys=True, ensure_ascii=False)
         for name, value in document.items()

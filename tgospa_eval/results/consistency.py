@@ -1,10 +1,10 @@
 """Consistency of covariances with errors: the NEES of assigned pairs, and its sums.
 
-    NEES = e' P^-1 e,   e the error of an assigned state, P its covariance,
+    NEES = e' P^-1 e,   e the error of an assigned state, P its covariance.
 
-is chi-square distributed with d degrees of freedom where errors are Gaussian and P is theirs
-(Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2); ANEES is its mean over d (Li, Zhao and Jilkov
-2001). The sums of several evaluations, or of pieces of one, add up.
+If errors are Gaussian with covariance P, NEES is chi-square distributed with d degrees of freedom
+(Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2). ANEES is its mean over d (Li, Zhao and Jilkov
+2001). The sums of several evaluations, or of parts of one, add up.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,36 +25,36 @@ NEES = "nees"
 """Name of the column, and of the record."""
 
 STORED_NEES = f"{NEES}.sums"
-"""Column of a store with them, as text."""
+"""Column of a store that has the sums as text."""
 
 ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
-"""Codes of notices."""
+"""Codes of notices about covariances."""
 
 INSIDE = 0.95
-"""Probability of the region that is counted, and of the bands."""
+"""Probability of the region whose pairs are counted, and of the bands."""
 
 EVIDENT = 0.999
-"""Probability of the band outside of which there is a warning."""
+"""Probability of the band outside of which a warning is raised."""
 
 FEWEST = 10
-"""Independent values below which there is no warning."""
+"""Smallest number of independent values that can cause a warning."""
 
 BINS = 10
-"""Bins of the histogram of ranks."""
+"""Number of bins of the histogram of ranks."""
 
 MAX_CORRELATION = 0.999
-"""Up to which a correlation is believed: some independent values are left."""
+"""Largest correlation that is used, so that some independent values are left."""
 
 
 def chi_square(share: float, freedom: Floats | float) -> Any:
-    """Return quantiles of the chi-square distribution with so many degrees of freedom, > 0."""
+    """Return quantiles of the chi-square distribution with `freedom` degrees of freedom, > 0."""
     from scipy.special import gammaincinv  # lazy: slow to import
 
     return 2 * gammaincinv(np.asarray(freedom) / 2, share)
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Return the interval of the mean of so many independent NEES at this probability."""
+    """Return the interval of the mean of `count` independent NEES at this probability."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
@@ -68,25 +68,25 @@ def band_in_words(low: float, high: float, between: str = " to ") -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NeesSums:
-    """Sums that the NEES numbers of all pairs are computed from.
+    """Sums for the NEES numbers of all pairs.
 
     Parameters
     ----------
     components : int
-        d, of the states.
+        Number d of components of the states.
     pairs : float
-        Assigned pairs with a NEES, by their weights.
+        Number of assigned pairs with a NEES, by their weights.
     singular : float
-        Assigned pairs without one: the covariance is singular, or there is none.
+        Number of assigned pairs without one, as the covariance is singular or missing.
     total, squares : float
         Sums of the NEES and of its squares.
     inside : float
-        Pairs inside the region of 95 %.
+        Number of pairs inside the region of 95 %.
     neighbours, products, ends : float
-        Of neighbouring steps of one pair of tracks: how many, the sum of the products of their
-        NEES, and of their sums.
+        Number of neighbouring steps of one pair of tracks, sum of the products of their NEES, and
+        sum of their NEES.
     ranks : (d, 10) tuple of tuple of float
-        Of particles: how often the truth is in each tenth of their marginal distribution.
+        For particles, the number of true states in each tenth of their marginal distributions.
     """
 
     components: int
@@ -104,19 +104,19 @@ class NeesSums:
         return f"NEES {self.in_words}"
 
     def plain(self) -> dict[str, Any]:
-        """Return plain values; `NeesSums(**values)` is the way back."""
+        """Return plain values; `NeesSums(**values)` restores the sums."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def row(self) -> dict[str, Any]:
-        """Return columns of a row of a store; `of_row` is the way back."""
-        import json  # lazy, as below: a small evaluation does without
+        """Return columns of a row of a store; `of_row` restores the sums."""
+        import json  # lazy: small evaluations do not need it
 
         record = {f"{NEES}.{name}": value for name, value in self.record().items()}
         return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
 
     @classmethod
     def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
-        """Return the sums in a row of a store, None without any."""
+        """Return the sums in a row of a store, or None without sums."""
         import json
 
         text = row.get(STORED_NEES)
@@ -124,12 +124,12 @@ class NeesSums:
 
     @classmethod
     def of_values(cls, values: Json) -> "NeesSums | None":
-        """Return the sums in a document, None without its record."""
+        """Return the sums in a document, or None without its record."""
         return cls(**values[NEES]["sums"]) if values.get(NEES) else None
 
     @classmethod
     def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
-        """Join the sums of several evaluations of states with as many components; None of none."""
+        """Join the sums of evaluations with the same number of components; None for no sums."""
         each = [one.plain() for one in several]
         if not each:
             return None
@@ -143,15 +143,15 @@ class NeesSums:
 
     @property
     def mean(self) -> float:
-        """Mean NEES; d of a calibrated filter."""
+        """Mean NEES, which is d for a calibrated filter."""
         return self.total / self.pairs
 
     @property
     def independent(self) -> float:
         """Number of independent values whose mean varies as much.
 
-        ``N (1 - r) / (1 + r)`` with the correlation r of neighbouring steps: errors of a filter
-        last for several.
+        It is ``N (1 - r) / (1 + r)`` with the correlation r of neighbouring steps, because errors
+        of a filter last for several steps.
         """
         if not self.pairs:
             return 0.0
@@ -187,7 +187,7 @@ class NeesSums:
         }
 
     def numbers(self) -> dict[str, float]:
-        """Return numbers to log and judge, by name; none without a pair."""
+        """Return numbers by name for logs and rules; empty without a pair."""
         if not self.pairs:
             return {}
         share = self.inside / self.pairs
@@ -211,7 +211,7 @@ class NeesSums:
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
-        """Return warnings for readers of the value alone; `spread` is the cost of covariances."""
+        """Return warnings for readers of the value only; `spread` is the cost of covariances."""
         if self.independent < FEWEST or not self.total:  # equal files have errors of 0
             return ()
         low, high = band(self.independent, self.components, EVIDENT)
@@ -223,7 +223,7 @@ class NeesSums:
             Notice(
                 code=self.verdict,
                 text=f"covariances are too {size} for the errors: NEES {self.in_words}",
-                remedy=f"compare NEES beside the value{caveat}",
+                remedy=f"compare NEES in addition to the value{caveat}",
             ),
         )
 
@@ -268,9 +268,9 @@ def nees_sums(
 
 
 def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: int) -> Columns:
-    """Return mean NEES of pairs that share an index, and its band; None where there is no pair.
+    """Return mean NEES of pairs that share an index, and its band; None without a pair.
 
-    The band is that of independent errors, as those of the tracks of one step are.
+    The band is that of independent errors, such as those of the tracks of one step.
     """
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
@@ -280,7 +280,7 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
 
 
 def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
-    """Return mean NEES and its band, of counts of pairs and sums; NaN without a pair."""
+    """Return mean NEES and its band from counts of pairs and sums, NaN without a pair."""
     columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
     return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))

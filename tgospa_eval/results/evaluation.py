@@ -17,11 +17,11 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.solution import Brackets, Unjudged, Windows
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results import records
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary, TrackedShares, flat, headline
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.coverage import Coverage
 
 if TYPE_CHECKING:

@@ -21,22 +21,22 @@ class Gradient:
     Parameters
     ----------
     total : (R, d) float array
-        Derivative of ``total`` by each state of the estimate, in the order of its rows, by step and
-        track; in cost per unit of the column. Clouds are moved as a whole.
+        Derivative of ``total`` by each state of the estimate, in cost per unit of the column. Rows
+        are in order of step and track. Clouds are moved as a whole.
     particles : (P, d) float array, optional
-        Of clouds the derivative by each particle, state by state, in the order in which they were
-        read; weights are held.
+        Derivative by each particle of clouds, state by state, in the order of the file. Weights are
+        kept fixed.
     first_particle : (R + 1,) int array, optional
-        Where those of each state begin.
+        Index of the first particle of each state.
     cutoff, switch_penalty : float
         Derivative of ``total`` by the parameters. Not a number for gamma = 0 and p = 1, where any
         number of switches is best.
     root : float
         Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
     shown_unique : callable
-        Looks whether the best assignment is the only one.
+        Callable that returns whether the best assignment is shown to be the only one.
     step, track : (R,) int arrays
-        Of each state.
+        Step and track of each state.
     columns : tuple of str
         Names of the d state columns.
     labels : Labels
@@ -63,8 +63,8 @@ class Gradient:
     def unique(self) -> bool:
         """True if the prices show that the best assignment of near pairs is the only one.
 
-        Then the derivatives are those of the metric, but at kinks of the base distance. False where
-        that is not shown. Computed when it is read.
+        If so, the derivatives are those of the metric, except at kinks of the base distance. False
+        means that uniqueness is not shown. It is computed on access.
         """
         return self.shown_unique()
 
@@ -75,18 +75,18 @@ class Gradient:
 
     @property
     def array(self) -> Floats:
-        """Derivative of ``total`` as an array of states, (T, k, d), 0 where there is none."""
+        """Derivative of ``total`` as an array of states, (T, k, d), 0 without a state."""
         states = np.zeros((len(self.labels.times), len(self.labels.estimates), self.total.shape[1]))
         states[self.step, self.track] = self.total
         return states
 
     @cached_property
     def table(self) -> "pd.DataFrame":
-        """Derivative of ``total``: ``id``, ``t`` and a column for each state column.
+        """Table of the derivative of ``total``: ``id``, ``t`` and a column for each state column.
 
-        A row for each state, of clouds for each particle.
+        Each state has a row; each particle of a cloud has a row.
         """
-        import pandas as pd  # lazy: not needed to compute, and slow to import
+        import pandas as pd  # lazy: slow to import, and not needed for the computation
 
         row, values = np.arange(len(self.step)), self.total
         if self.particles is not None and self.first_particle is not None:

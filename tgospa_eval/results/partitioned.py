@@ -1,4 +1,4 @@
-"""The result of an evaluation of partitioned data: sums in memory, tables as files."""
+"""Result of an evaluation of partitioned data, with sums in memory and tables in files."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 STORED_TABLES = ("per_step", "per_truth", "per_estimate", "switches", "assignments")
-"""The tables, each a file NAME.parquet; the last is a folder of such files, ``part-*.parquet``."""
+"""Tables, each a file NAME.parquet, except the last, a folder of files ``part-*.parquet``."""
 
 IN_PARTS = "assignments"
 
@@ -35,12 +35,12 @@ def name_of(table: str) -> str:
 
 
 class StoredTables:
-    """The tables of one result.
+    """Tables of one result.
 
     Parameters
     ----------
     folder : str
-        Where they are, with the names of `name_of`.
+        Folder of the tables, which have the names of `name_of`.
     """
 
     def __init__(self, folder: str) -> None:
@@ -52,14 +52,14 @@ class StoredTables:
         Raises
         ------
         InputError
-            There is none.
+            The files do not exist any more.
         """
         path = Path(self.folder, name_of(table))
         if path.is_dir():
             return sorted(path.glob("part-*.parquet"))
         if not path.is_file():
             raise InputError(
-                f"{path}: is not there any more: the tables of this result are files, which were "
+                f"{path}: no longer exists: the tables of this result are files, which were "
                 "moved or removed; evaluate again"
             )
         return [path]
@@ -100,13 +100,13 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """Return rows with the highest sums of some columns, none of 0; of equal ones the first."""
+        """Return the rows with the highest positive sums of some columns, first of equal ones."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
                 columns = [_doubles(batch[name]) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
-                # A later row replaces a known one only if it costs more than the cheapest of these.
+                # A later row replaces a known row only if it costs more than the cheapest one.
                 threshold = best[-1][0] if best and len(best) == count else 0.0
                 dear = np.flatnonzero(cost > threshold)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
@@ -117,12 +117,12 @@ class StoredTables:
 
     @contextmanager
     def _opened(self, table: str) -> "Iterator[list[pq.ParquetFile]]":
-        """Yield the files of a table, one after the other.
+        """Yield the list of the open files of a table.
 
         Raises
         ------
         InputError
-            One is gone or damaged.
+            A file is missing or damaged.
         """
         import pyarrow.parquet as pq
 
@@ -147,26 +147,26 @@ def _doubles(column: "pa.DoubleArray") -> Floats:
 
 
 def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
-    """Yield some rows at a time."""
+    """Yield batches of rows."""
     return (batch for file in files for batch in file.iter_batches())
 
 
 MAX_RECORDS = 100_000
-"""Steps, or switches, of which the JSON document has a record each; of more it names the table."""
+"""Largest number of steps or switches with a record each in the JSON document."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PartitionedResult(Evaluation):
-    """One evaluation of data larger than memory; ids are in the tables, not in `labels`.
+    """One evaluation of data larger than memory, with ids in the tables instead of `labels`.
 
     Parameters
     ----------
     tables : StoredTables
-        Where the tables are.
+        Tables of the result.
     tracking : dict
-        Numbers of the summary that sums tell.
+        Numbers of the summary that follow from sums.
     followed : (k,) float array
-        Share of the states of each truth that is followed, NaN where none counts.
+        Share of followed states of each true object, NaN without a state that counts.
     """
 
     tables: StoredTables
@@ -175,13 +175,13 @@ class PartitionedResult(Evaluation):
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking that sums tell; others are not there."""
+        """Numbers of tracking that follow from sums; other numbers are missing."""
         counts = self.tracked_shares.counts(self.followed)
         return Summary(numbers={**self.tracking, **counts}, per_truth={}, per_estimate={})
 
     @property
     def is_unique(self) -> None:
-        """Not known of data in parts."""
+        """None, as it is unknown for data in parts."""
         return None
 
     def _of_tracks(self, name: str) -> Columns:
@@ -192,7 +192,7 @@ class PartitionedResult(Evaluation):
         return self.tables.columns("switches", count), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
-        """Return rows of the costliest truths, of kind ``"missed"``, or estimates, ``"false"``."""
+        """Return rows of the costliest objects, for ``"missed"``, or estimates, for ``"false"``."""
         table = "per_truth" if kind == "missed" else "per_estimate"
         return self.tables.costliest(table, ("localisation", kind, "switch"), count)
 

@@ -1,6 +1,6 @@
 """Plain records of a result: tables, labels, costs, scores, both sides and their proof.
 
-Knows no solver and no file.
+This module depends on neither solvers nor files.
 """
 
 import math
@@ -27,16 +27,16 @@ CountedPart: TypeAlias = Literal["missed", "false", "switch"]
 
 COUNTED_PARTS: tuple[CountedPart, ...] = ("missed", "false", "switch")
 PARTS: tuple[Part, ...] = ("localisation", *COUNTED_PARTS)
-"""The parts of the cost, in the order of every output; those that also have a number."""
+"""Parts of the cost in the order of every output; all parts after the first have a count."""
 
 Json: TypeAlias = dict[str, Any]
-"""A JSON object of plain Python values."""
+"""JSON object of plain Python values."""
 
 Columns: TypeAlias = dict[str, list[Any]]
 """Columns by name, all of one length, of plain Python values."""
 
 Time: TypeAlias = int | float | str
-"""A step as it was read."""
+"""Time of a step as it was read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Labels:
     times : list of int, float or str
         Each step as it was read.
     truths, estimates : list of str
-        Ids.
+        Ids of the tracks.
     unit : str, optional
         Unit of states and distances.
     """
@@ -68,9 +68,9 @@ class Costs:
     parameters : Parameters
         Cutoff, order, switch penalty.
     bounds : Bounds
-        The bracket.
+        Bracket of the cost.
     breakdown : Breakdown
-        The cost of a feasible assignment by step.
+        Cost of a feasible assignment by step.
     """
 
     parameters: Parameters
@@ -78,7 +78,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Return the relative error of a root because 1/p is no double."""
+        """Return the relative error of a root, which exists because 1/p is not a double."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
@@ -95,7 +95,7 @@ class Costs:
     def numbers(self, gap: float, steps: int) -> dict[str, Any]:
         """Return the main numbers of a row: value, bounds, cost, parts and counts.
 
-        It is exact with a relative gap up to `gap`; the value per step is of so many steps.
+        Values are exact with a relative gap up to `gap`. `steps` normalises the value per step.
         """
         root, scale, split = self.parameters.root, self.parameters.scale, self.breakdown
         lower, upper = self.total_bounds
@@ -116,7 +116,7 @@ class Costs:
 
 OtherMetrics = Mapping[str, Mapping[str, float]]
 MetricSums = Mapping[str, float | list[float]]
-"""Numbers of other metrics, by metric and name; with the similarity that they compare."""
+"""Numbers of other metrics by metric and name, with the similarity of the metrics."""
 
 
 def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
@@ -125,12 +125,12 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
     Parameters
     ----------
     file : dict
-        Its ``rows`` and ``format``, and rows that do not take part, ``left_out``, by the rule or
-        option that left them out.
+        Record with ``rows``, ``format`` and ``left_out``, the numbers of rows that are left out, by
+        rule or option.
     sha256 : str
-        Digest of what takes part.
+        Digest of the rows that take part.
     off : mapping of str to int
-        Rows at steps that do not count, by option.
+        Numbers of rows at steps that do not count, by option.
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
     record = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
@@ -142,13 +142,13 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
 def step_columns(split: Breakdown, scale: float) -> Arrays:
-    """Return the cost of each step by kind, and of all; `scale` is c^p."""
+    """Return the cost of each step by kind, and its sum; `scale` is c^p."""
     columns = {name: scale * getattr(split, name) for name in PARTS}
     return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """Return costs of each truth (side 0) or estimate (side 1); `steps` has their lengths."""
+    """Return costs of each true object (side 0) or estimate (side 1); `steps` has their lengths."""
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -161,13 +161,13 @@ def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arra
 
 
 def as_lists(columns: Arrays) -> Columns:
-    """Return columns of plain Python values."""
+    """Return columns as plain Python values."""
     return {name: column.tolist() for name, column in columns.items()}
 
 
 def json_text(document: Mapping[str, object]) -> str:
-    """Return a document as JSON: sorted keys, no NaN, full doubles."""
-    import json  # lazy: the table does without
+    """Return a document as JSON, with sorted keys, without NaN, with full doubles."""
+    import json  # lazy: tables do not need it
 
     return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
 
@@ -178,7 +178,7 @@ def records(table: Columns) -> list[Json]:
 
 
 # -------------------------------------------------------------------------------------------------
-# A score from 0 to 1 of an evaluation, and bounds that are rounded outward.
+# A score from 0 to 1 of an evaluation, with bounds that are rounded outward.
 
 DEFAULT_SCORE = 0.1
 """Score of the false targets of the calibration, as in the authors' scripts."""
@@ -186,14 +186,14 @@ DEFAULT_SCORE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Scale of a similarity score, set by the score of false targets alone.
+    """Scale of a similarity score, set by the score of a number of false targets.
 
     Parameters
     ----------
     false_targets : float
-        n > 0: how many at each step.
+        Number n > 0 of false targets at each step.
     score : float
-        0 < s < 1: what that scores.
+        Score of these false targets, 0 < s < 1.
 
     Raises
     ------
@@ -213,7 +213,7 @@ class Calibration:
             object.__setattr__(self, name, value)
 
     def beta(self, parameters: Parameters) -> float:
-        """Return the scale on which the metric counts, in its unit."""
+        """Return the scale of the metric, in its unit."""
         false = parameters.root(parameters.rho * self.false_targets)
         return false / math.log((2 - self.score) / self.score)
 
@@ -228,7 +228,7 @@ class Calibration:
         """Return the score of a value per step, and its bounds."""
         beta = self.beta(parameters)
         ends = []
-        for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
+        for bound, sign in zip(bounds, (1, -1), strict=True):  # a larger value has a smaller score
             error = POWER * (2 + bound / beta)
             ends.append(self.of(bound, parameters) * (1 + sign * error))
         return Similarity(
@@ -243,18 +243,18 @@ class Calibration:
 
 @dataclass(frozen=True, kw_only=True)
 class Similarity:
-    """The score of an evaluation.
+    """Score of an evaluation.
 
     Parameters
     ----------
     score : float
-        Of the value per step, from 0 to 1.
+        Score of the value per step, from 0 to 1.
     lower_bound, upper_bound : float
-        Proven bounds of it.
+        Proven bounds of the score.
     beta : float
-        Its scale, in the unit of the metric.
+        Scale of the score, in the unit of the metric.
     false_targets, score_of_false_targets : float
-        What that comes from: how many false targets at each step, and what they score.
+        Calibration: number of false targets at each step, and their score.
     """
 
     score: float
@@ -272,11 +272,11 @@ SPLIT_PARTS = (
     *(MEAN, SPREAD),
     *("expected_localisation", "existence_mismatch"),
 )
-"""Parts of the cost of localisation, those of which the distance, or the metric, knows."""
+"""Parts of the localisation cost that the distance or the metric distinguishes."""
 
 
 def members_in_words(settings: Mapping[str, Any]) -> str:
-    """Return options beside c, p and gamma that choose the member of the family."""
+    """Return the options other than c, p and gamma that choose the member of the family."""
     words = ["weighted steps"] * ("step_weights" in settings)
     words += ["probabilities of existence (experimental)"] * ("existence" in settings)
     words += [f"not judged: {text}" for text in settings.get("ignore", ())]
@@ -286,7 +286,7 @@ def members_in_words(settings: Mapping[str, Any]) -> str:
 def outward(value: float, sign: int, error: float = 0.0) -> float:
     """Move a value down (-1) or up (1) by more than the error of a power and products.
 
-    `error` is a relative one beside these.
+    `error` is an additional relative error.
     """
     if not value:
         return 0.0
@@ -294,39 +294,39 @@ def outward(value: float, sign: int, error: float = 0.0) -> float:
 
 
 def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
-    """Return the names of the highest of these costs, of equal ones the first; none that is 0."""
+    """Return the names of the highest positive costs; the first names of equal costs."""
     order = np.argsort(-cost, kind="stable")[:count]
     return [names[k] for k in order if cost[k] > 0]
 
 
 # -------------------------------------------------------------------------------------------------
-# The two sides as they were compared, and their proof. Knows no solver and no file.
+# The two sides as they were compared, and their proof.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedSides:
-    """The two sides as they were compared, after filters, grid and joined stamps.
+    """Two sides as they were compared, after filters, grid and joined timestamps.
 
     Parameters
     ----------
     timestamps : (T,) int or float array
-        The steps, as numbers.
+        Times of the steps, as numbers.
     labels : Labels
-        Ids.
+        Names of steps and tracks.
     settings : mapping of str to object
         Every option that changes the number.
     columns : tuple of str
         Names of the d state columns.
     truth, estimate : (R, d) float arrays
-        States as they were read, before the distance prepared them, in the order of the rows of the
-        problem, by step and track.
+        States before the distance prepared them, in the order of the rows of the problem, by step
+        and track.
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
-        Lower triangles of the covariances of these states, of clouds the second moments: for NEES
-        and pictures.
+        Lower triangles of the covariances of these states, for clouds their second moments. They
+        are used for NEES and pictures.
     truth_clouds, estimate_clouds : Clouds, optional
-        The particles.
+        Particles of the states.
     reports : ClockReports, optional
-        Reports of which the rows of the estimate are, on a common clock.
+        Reports on a common clock, to which the rows of the estimate belong.
     """
 
     timestamps: NDArray[Any]
@@ -344,20 +344,20 @@ class ComparedSides:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairProof(Costs):
-    """Costs that `certify` proved, and the problem that they are proven for.
+    """Costs that `certify` proved, with the problem of the proof.
 
     Parameters
     ----------
     states : States
         The reduced problem.
     weights : (S,) int array
-        The feasible assignment.
+        Feasible assignment.
     prices : (K,) float array
-        The prices of the lower bound.
+        Prices of the lower bound.
     reduced : tuple of Reduced
-        Blocks whose lower bound is of a smaller cutoff.
+        Blocks whose lower bound comes from a smaller cutoff.
     compared : ComparedSides
-        What the numbers of steps and tracks stand for.
+        Sides with the meaning of the numbers of steps and tracks.
     """
 
     states: States

@@ -1,4 +1,4 @@
-"""Saved results: their JSON read strictly, and whether two can be compared. Solves nothing."""
+"""Strict reading of saved results from JSON, and tests whether two can be compared."""
 
 import json
 import math
@@ -28,49 +28,49 @@ from tgospa_eval.common.documents import (
     read_document,
 )
 from tgospa_eval.errors import InputError
+from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPLIT_PARTS, Json
 from tgospa_eval.results.slices import OLDER_NUMBERS
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.text import option
 
 # -------------------------------------------------------------------------------------------------
-# The one check of stored numbers: of saved results, rows of stores, and baselines alike.
+# The only check of stored numbers, for saved results, rows of stores and baselines.
 #
-# Names are those of the document of a result, with a dot between levels. A rule whose numbers are
-# not all there is skipped. Tolerances are those of sums and roots of doubles.
+# Names are those of the document of a result, with a dot between levels. A rule without all of its
+# numbers is skipped. Tolerances allow for the rounding of sums and roots.
 
 AGREE, ADD_UP = 1e-9, 1e-6
-"""Relative tolerances of values that are the same, and of what was summed."""
+"""Relative tolerances of values that are the same, and of sums."""
 
 TINY = 1e-300
-"""Costs below this lose their digits."""
+"""Cost below which numbers lose digits."""
 
 MAX_SWITCH_PRICE = 2e100
-"""Units of c^p that a switch costs at most."""
+"""Largest cost of a switch in units of c^p."""
 
 SPLITS = (SPLIT_PARTS[:2], SPLIT_PARTS[2:])
-"""Parts of localisation that sum to it."""
+"""Groups of parts of localisation that sum to it."""
 
 UNLIKE_COUNTS = ("step_weights", "existence")
-"""Parameters with which costs are no multiples of counts."""
+"""Parameters with which costs are not multiples of counts."""
 
 Rule = tuple[str, Mask, Floats, str]
-"""The number that is judged, where it is right, what it is held against, and what that is."""
+"""Name of the tested number, mask where it is right, the other number, and a text about it."""
 
 
 def contradiction(
     values: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
 ) -> str | None:
-    """Describe the first number that contradicts the others; None if all fit.
+    """Describe the first number that contradicts another one; None if all fit.
 
     Parameters
     ----------
     values : mapping of str to float
         Finite numbers by name.
     parameters : mapping, optional
-        Of the metric, as a result has them.
+        Parameters of the metric, in the form of a result.
     """
     parameters = parameters or {}
     names = ("cutoff", "order", "switch_penalty", "rho", "gap")
@@ -81,14 +81,14 @@ def contradiction(
 
 
 def contradictions(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[tuple[int, str]]:
-    """Yield the first row that breaks each rule, and how.
+    """Yield the first row that breaks each rule, with a description.
 
     Parameters
     ----------
     table : mapping of str to (N,) float arrays
         Finite numbers by name, with ``cutoff``, ``order`` and ``switch_penalty``.
     is_plain : (N,) bool array
-        Whether costs are multiples of counts.
+        Mask of the rows in which costs are multiples of counts.
     """
     with np.errstate(all="ignore"):
         for name, right, other, words in _rules(table, is_plain):
@@ -113,7 +113,7 @@ def _close(
     words: str,
     tolerance: Floats | float = ADD_UP,
 ) -> Rule:
-    """Return the rule that a finite number must equal another one, up to a relative tolerance."""
+    """Return the rule that a finite number equals another one, up to a relative tolerance."""
     own = table[name]
     right = np.abs(own - other) <= tolerance * own + TINY
     return name, right, other, words
@@ -148,7 +148,7 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Yield parts of the total and of localisation, NaN for missing ones."""
+    """Yield rules for parts of the total and of localisation, NaN for missing parts."""
     for name, parts in (("total", PARTS), *(("localisation", split) for split in SPLITS)):
         if all(part in table for part in parts):
             made = np.sum([table[part] for part in parts], axis=0)
@@ -157,7 +157,7 @@ def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Yield rules for the costs of the steps, and the value of one."""
+    """Yield rules for the costs of the steps, and for the value per step."""
     for name in (*PARTS, "total"):
         if f"per_step.{name}" in table:
             words = f"the numbers of per_step.{name} sum to"
@@ -165,13 +165,13 @@ def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
     if "judged.steps" in table:
         order, each = table["order"], table["total"] / np.maximum(table["judged.steps"], 1)
         name = "normalised.tgospa"
-        # Powers keep their digits where they are small.
+        # Powers keep their digits where roots are small.
         _, right, _, _ = _close({name: table[name] ** order}, name, each, "", ADD_UP * order)
         yield name, right, each ** (1 / order), "total and judged.steps make it"
 
 
 def _of_counts(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[Rule]:
-    """Yield rules for the numbers of misses, false targets and switches."""
+    """Yield rules for the counts of misses, false targets and switches."""
     scale = table["cutoff"] ** table["order"]
     rho = table.get("rho", np.full(len(scale), 0.5))
     switch = np.minimum(table["switch_penalty"] ** table["order"], MAX_SWITCH_PRICE * scale)
@@ -186,16 +186,16 @@ def _of_counts(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[Rule]:
 ROLES = ("truth", "estimate")
 
 ACCURACY = ("solver", "gap", "epsilon", "time_limit")
-"""Parameters that change the bracket and not the metric: those of two runs may differ."""
+"""Parameters that change the bracket but not the metric, so they may differ between runs."""
 
 NEUTRAL = ("unit", "decimal")
-"""Parameters that change neither: how the files are written, and what is printed."""
+"""Parameters that change neither bracket nor metric, but only files and output."""
 
 LARGEST_RESULT = 1 << 32
-"""Bytes that no saved result has."""
+"""Bytes above the size of any saved result."""
 
 RESULT_FILE = "result.json"
-"""The result in a folder of ``-o``."""
+"""Name of the result in a folder of ``-o``."""
 
 FAMILY = RESULT_SCHEMA.rpartition("/")[0] + "/"
 MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json prints"
@@ -209,13 +209,13 @@ def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
 OF_THE_ESTIMATE = (
     *("estimate_crs", "estimate_scale", "time_offset", "time_scale", "unit_scale", "period"),
 )
-"""Parameters that say how one estimate is brought to the truth: each may have its own."""
+"""Parameters of the conversion of an estimate, which may differ between estimates."""
 
 
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield parameters of the metric, as JSON has them, that differ: name and both values."""
+    """Yield the name and both JSON values of each parameter of the metric that differs."""
 
     def shown(parameters: Mapping[str, object], name: str) -> str:
         there = name in parameters
@@ -227,10 +227,10 @@ def unlike(
 
 
 def saved_result(path: str) -> str | None:
-    """Return the JSON of a result at a path, which may be its folder; None if there is none."""
+    """Return the JSON path of a result, given its path or its folder; None without a result."""
     if os.path.isdir(path):
         path = os.path.join(path, RESULT_FILE)
-    if not os.path.isfile(path):  # a pipe can be read once only
+    if not os.path.isfile(path):  # a pipe can be read only once
         return None
     with suppress(OSError), open(path, "rb") as file:  # the reader reports faults
         begin = file.read(64)
@@ -247,7 +247,7 @@ EVALUATED_ON: dict[str, FieldKind] = {
     "truth_steps": COUNT,
     "truth_sha256": TEXT,
 }
-"""Description of what values are judged on."""
+"""Description of the data on which values are evaluated."""
 
 PARAMETERS: dict[str, Any] = {
     "cutoff": POSITIVE,
@@ -258,7 +258,7 @@ PARAMETERS: dict[str, Any] = {
     "rho": Maybe(COST),
     **{name: Maybe(COST) for name in ("gap", "epsilon", "time_limit")},
 }
-"""Description of the parameters that are read; others are compared as they are."""
+"""Description of the parameters that are read; other parameters are compared unread."""
 
 NOTICE = Closed({"code": TEXT, "text": TEXT, "remedy": TEXT})
 
@@ -279,7 +279,7 @@ SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYT
 
 
 def _is_summary(value: Any) -> bool:
-    """Check for a record of numbers and such records, with flags, limits and nulls."""
+    """Check for a record of numbers and of such records, with flags, limits and nulls."""
     if isinstance(value, dict):
         return all(map(_is_summary, value.values()))
     if value is None or isinstance(value, bool):
@@ -310,7 +310,7 @@ RESULT = {
     SUMMARY: Maybe(SUMMARY_RECORD),
     "with": Maybe({...: {...: NUMBER}}),
 }
-"""Description of the fields of a result that are read; `by_class` has the same of each class."""
+"""Description of the fields of a result that are read; `by_class` has the same by class."""
 
 
 def read_result(path: str) -> Json:
@@ -319,7 +319,7 @@ def read_result(path: str) -> Json:
     Raises
     ------
     InputError
-        It is no result, or was changed by hand.
+        The file is not a result, or was changed by hand.
     """
     document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, size=LARGEST_RESULT)
     if "per_step" not in document and "tables" in document:
@@ -334,7 +334,7 @@ def read_result(path: str) -> Json:
 
 
 def result_fault(document: Json) -> str | None:
-    """Describe the first field of a result that is missing, wrong or contradictory; else None."""
+    """Describe the first field of a result that is missing, wrong or contradictory, or None."""
     wrong = fault(document, RESULT) or fault(document, {"by_class": Maybe({...: RESULT})})
     if wrong:
         return wrong
@@ -364,7 +364,7 @@ def added(values: Iterable[float]) -> float:
 
 
 def slices_fault(slicings: Iterable[Json], whole: Mapping[Any, Any]) -> str | None:
-    """Describe the first part of the cost that slices do not add up to; None if they do."""
+    """Describe the first part of the cost that is not the sum of its slices, or return None."""
     for number, one in enumerate(slicings):
         for part in PARTS:
             total = added(row[part] for row in one["slices"])

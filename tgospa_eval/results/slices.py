@@ -1,4 +1,4 @@
-"""Costs and counts of an evaluation split by attributes of truth and estimate: records, sums."""
+"""Records and sums of costs and counts that are split by attributes of truth and estimate."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CROSSED = " * "
-"""Between the names of a slice by two attributes, and between the two on the command line."""
+"""Text between two crossed attributes, in names of slices and on the command line."""
 
 NO_VALUE, NO_ATTRIBUTE, UNNAMED = "(missing)", "(none)", "(others)"
-"""Slices of rows without a value, of a side without the attribute, and of texts not named."""
+"""Slices of rows without a value, of sides without the attribute, and of unnamed texts."""
 
 UNDER, BEYOND_LAST, AND_MORE = "below ", "above ", " and more"
-"""Parts of the names of slices outside of the edges that are given."""
+"""Parts of the names of slices outside of the given edges."""
 
 BETWEEN_EDGES = " to "
 
@@ -39,8 +39,8 @@ class Slice:
     truth_steps, estimate_steps : float
         States of truth and estimate in the slice, as shares where attributes are weights.
     assigned_steps, squared_error : float
-        Assigned states of the truth in it, and the sum of their squared errors; NaN in results of
-        before these were kept.
+        Assigned states of the truth in the slice, and the sum of their squared errors; NaN in older
+        results.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Slice:
 
     @property
     def total(self) -> float:
-        """Sum of the costs."""
+        """Sum of the costs of the slice."""
         return math.fsum(getattr(self, part) for part in PARTS)
 
 
@@ -82,18 +82,18 @@ def _ratio(value: float, by: float) -> float | None:
 
 
 SLICE_NUMBERS = tuple(field.name for field in fields(Slice))[1:]
-"""Names of which every slice has one number, but for the total."""
+"""Names of the numbers of a slice, without the total."""
 
 OLDER_NUMBERS = SLICE_NUMBERS[:-2]
-"""Numbers that older results have, too."""
+"""Names of the numbers that older results have as well."""
 
 RATIOS = ("detection_rate", "rmse")
-"""Numbers that follow from them; nothing where nothing is assigned."""
+"""Names of derived numbers, which are undefined without an assigned state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Slicing:
-    """An evaluation split by one attribute, or by two.
+    """An evaluation split by one attribute, or by two attributes.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Slicing:
 
     @property
     def total(self) -> float:
-        """Sum of the costs of all slices: that of the evaluation."""
+        """Sum of the costs of all slices, which is the cost of the evaluation."""
         return math.fsum(getattr(part, name) for part in self.slices for name in PARTS)
 
     def __repr__(self) -> str:
@@ -133,12 +133,12 @@ class Slicing:
         return pd.DataFrame(self.table())
 
     def record(self) -> Json:
-        """Return slices as a record in the document of a result."""
+        """Return the slices as a record in the document of a result."""
         return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
     def of(cls, record: Json) -> "Slicing":
-        """Read slices from such a record."""
+        """Return the slices of a record made by `record`."""
         slices = [
             Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS if name in row})
             for row in record["slices"]
@@ -147,9 +147,9 @@ class Slicing:
 
 
 def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
-    """Yield the sums of several evaluations that are split, by attribute; some may lack one.
+    """Yield the sums of several split evaluations, by attribute; some may lack an attribute.
 
-    Slices of one name are added.
+    Slices with the same name are added.
     """
     by_key: dict[str, list[Slicing]] = {}
     for group in groups:
@@ -183,12 +183,12 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Return names of slices in order: numbers by their values, unnamed slices at the end."""
+    """Return names of slices in order: numbers by value, unnamed slices at the end."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 
 def _place(name: str) -> tuple[int, float, tuple[list[tuple[int, int, str]], str]]:
-    """Sort key of the name of a slice."""
+    """Return the sort key of the name of a slice."""
     for last, special in enumerate((UNNAMED, NO_VALUE, NO_ATTRIBUTE), start=4):
         if name == special:
             return last, 0.0, natural("")

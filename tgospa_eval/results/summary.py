@@ -1,4 +1,4 @@
-"""The summary of an evaluation: the numbers of tracking that people know first."""
+"""Summary of an evaluation, with common tracking numbers."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -16,7 +16,7 @@ Quantity: TypeAlias = Callable[[float], str]
 """Format of a number with the unit of the states."""
 
 SUMMARY = "summary"
-"""Name of the record, and what names of its numbers begin with in rows and rules."""
+"""Name of the record, and first part of the names of its numbers in rows and rules."""
 
 NUMBERS = (
     *("assigned_states", "truth_states", "estimate_states", "detection_rate", "precision"),
@@ -30,36 +30,36 @@ NUMBERS = (
     *("siap.completeness", "siap.ambiguity", "siap.spuriousness", "siap.positional_accuracy"),
     *("siap.velocity_accuracy", "siap.track_number_change_rate", "siap.longest_track_segment"),
 )
-"""Names of all numbers, but for those of each axis: ``rmse_by_axis.NAME``."""
+"""Names of all numbers except those of each axis, ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Numbers that are shares, of which the largest is the best."""
+"""Numbers that are shares, with the largest value as best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Numbers of which the smallest is the best."""
+"""Numbers with the smallest value as best."""
 
 POOLED = {
     "detection_rate": "truth_states",
     "precision": "estimate_states",
     **dict.fromkeys(("rmse", "mean_error"), "assigned_states"),
 }
-"""Numbers that are means over states, by what counts these."""
+"""Numbers that are means over states, by the number of these states."""
 
 
 def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
     """Return the numbers of several evaluations together, by their names with dots.
 
-    Rates, RMSE and the mean error are those of all states, everything else is the mean of the
-    evaluations in which it is defined.
+    Rates, RMSE and the mean error are those of all states. Any other number is the mean over
+    the evaluations in which it is defined.
 
     Parameters
     ----------
     columns : mapping of str to array, shape (n,)
-        Of each number its values, NaN where it is not defined.
+        Values of each number, NaN where it is undefined.
     """
     pools: dict[str, float] = {}
     for name, values in columns.items():
@@ -76,31 +76,31 @@ def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
 
 
 def names_summary(path: str) -> bool:
-    """Check whether a path names a number of the summary."""
+    """Return whether a path names a number of the summary."""
     head, _, name = path.partition(".")
     return head == SUMMARY and (name in NUMBERS or name.startswith("rmse_by_axis."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedShares:
-    """Shares of the states of an object: mostly tracked from one on, mostly lost below another.
+    """Limits of the followed share, for mostly tracked and mostly lost objects.
 
     Parameters
     ----------
     lost, tracked : float
-        0 <= lost <= tracked <= 1.
+        Share below which an object is mostly lost, and share from which it is mostly tracked.
 
     Raises
     ------
     ConfigError
-        They are out of their range.
+        The shares are out of order or out of their range.
     """
 
     lost: float = 0.2
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """Count mostly and partly tracked and mostly lost objects, of shares (k,), or NaN."""
+        """Count mostly tracked, partly tracked and mostly lost objects, from shares (k,) or NaN."""
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -119,7 +119,7 @@ class TrackedShares:
 
     @classmethod
     def parse(cls, text: str) -> "TrackedShares":
-        """Read ``"0.2:0.8"``."""
+        """Return the limits of a text such as ``"0.2:0.8"``."""
         try:
             lost, tracked = map(float, text.split(":"))
         except ValueError:
@@ -129,14 +129,14 @@ class TrackedShares:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Summary:
-    """The summary of one evaluation, or of several on the same steps.
+    """Summary of one evaluation, or of several on the same steps.
 
     Parameters
     ----------
     numbers : dict
-        As in the JSON document; None where a number is not defined.
+        Numbers as in the JSON document, None where undefined.
     per_truth, per_estimate : dict of str to (k,) array
-        Columns of each track, NaN where a number is not defined.
+        Columns of the tracks, NaN where a number is undefined.
     """
 
     numbers: Json
@@ -153,7 +153,7 @@ class Summary:
 
 
 def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a summary by names with dots, without those that are not defined."""
+    """Yield the defined numbers of a summary, by names with dots."""
     for name, value in numbers.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{before}.{name}")
@@ -162,7 +162,7 @@ def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[st
 
 
 def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity: Quantity) -> str:
-    """Return the most important numbers in one line; `quantity` writes a length."""
+    """Return the most important numbers in one line; `quantity` formats a length."""
     states, rate = numbers["truth_states"], numbers["detection_rate"]
     parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
     if numbers["rmse"] is not None:
@@ -173,10 +173,10 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """Return the share in percent; only a full share is shown as 100 %, only none as 0 %."""
+    """Return the share in percent; only full shares give 100 %, and only 0 gives 0 %."""
     if share is None:
         return "-"
-    share = round(share, 12)  # sums of weights have roundings
+    share = round(share, 12)  # sums of weights have rounding errors
     for digits in range(1, 13):
         text = f"{100 * share:.{digits}f}"
         if 0 < float(text) < 100 or share in (0, 1):
@@ -187,9 +187,9 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """Yield the summary in words, a name and its numbers a line; without lines that have no number.
+    """Yield lines of the summary, a name and its numbers; lines without numbers are left out.
 
-    `quantity` writes an error by the base distance, `place` one of the place, `time` a time.
+    `quantity` formats an error by the base distance, `place` one of the position, `time` a time.
     """
 
     def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:
@@ -276,7 +276,7 @@ def rows(
 
 
 def finite(numbers: Mapping[str, Any]) -> Json:
-    """Return the numbers, None for those that overflowed."""
+    """Return the numbers, with None for numbers that overflowed."""
     return {
         name: finite(value)
         if isinstance(value, Mapping)
@@ -288,16 +288,16 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """Return the ratio; None for 0 / 0."""
+    """Return the ratio, or None for 0 / 0."""
     return value / by if by else None
 
 
 def mean(values: Floats) -> float | None:
-    """Return the mean of those that are not NaN; None of none."""
+    """Return the mean of the values that are not NaN, or None without any."""
     known = values[values == values]
     return float(known.mean()) if len(known) else None
 
 
 def root(value: float | None) -> float | None:
-    """Return the square root; None of None."""
+    """Return the square root, or None for None."""
     return None if value is None else math.sqrt(value)

@@ -1,4 +1,4 @@
-"""Result of a sweep of a parameter: a row of plain numbers for each of its values."""
+"""Result of a sweep of a parameter, with a row of plain numbers for each value."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -14,14 +14,14 @@ SWEEP_SCHEMA = "tgospa-eval/sweep/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One evaluation of a sweep; the fields are those of a `Result`.
+    """One evaluation of a sweep, with fields as in a `Result`.
 
     Parameters
     ----------
     value : float
         Value of the parameter.
     tgospa, lower_bound, total : float
-        The metric, which is a proven upper bound; a proven lower bound; ``tgospa ** order``.
+        The metric (a proven upper bound), a proven lower bound, and ``tgospa ** order``.
     relative_gap : float
         (upper - lower) / upper of the totals.
     certified : bool
@@ -29,11 +29,11 @@ class Point:
     normalised : float
         ``(total / T) ** (1 / order)`` over the T steps of the horizon.
     localisation, missed, false, switch : float
-        Costs; they sum to the total.
+        Costs, which sum to the total.
     missed_count, false_count, switch_count : float
-        Missed and false object-steps, and switches.
+        Numbers of missed and false object-steps, and of switches.
     status : str
-        How the solver ended.
+        Reason for which the solver stopped.
     finished : bool
         Whether the solver reached its goal.
     """
@@ -65,16 +65,16 @@ class SweepEvaluation:
     parameter : str
         ``"cutoff"``, ``"order"``, ``"switch_penalty"`` or ``"rho"``.
     points : tuple of Point
-        In the order of its values.
+        Points in the order of their values.
     settings, sizes, input, timings : dict
-        As of a `Result`: options that change the numbers, without the parameter that is swept;
-        trajectories and steps; rows and digests; seconds by stage.
+        Options that change the numbers, without the swept parameter; trajectories and steps; rows
+        and digests; seconds by stage. The form is that of a `Result`.
     version : str
-        Version of the package that made it.
+        Version of the package that computed the sweep.
     warnings : tuple of Notice
-        What looks wrong with the data.
+        Warnings about the data.
     settings_file : SettingsFile, optional
-        The configuration file that set options of it.
+        Configuration file that set some options.
     """
 
     parameter: str
@@ -96,7 +96,7 @@ class SweepEvaluation:
 
     @property
     def messages(self) -> list[str]:
-        """Messages beside the numbers: settings file, warnings."""
+        """Messages in addition to the numbers: settings file and warnings."""
         return messages_of(self.settings_file, self.warnings)
 
     @property
@@ -106,20 +106,20 @@ class SweepEvaluation:
 
     @property
     def unit(self) -> str | None:
-        """Unit of the parameter that is swept."""
+        """Unit of the swept parameter."""
         unit = self.settings["unit"]
         return None if unit is None or self.parameter in ("order", "rho") else str(unit)
 
     def columns(self) -> Columns:
-        """Return the points as columns, the parameter first."""
+        """Return the points as columns, with the parameter first."""
         rows = [asdict(point) for point in self.points]
         table = {name: [row[name] for row in rows] for name in rows[0]}
         return {self.parameter: table.pop("value"), **table}
 
     def unchanged(self, *counts: str) -> tuple[int, int] | None:
-        """Return the first and last point of the longest range in which these counts are the same.
+        """Return the first and last point of the longest range with constant counts.
 
-        None if they differ between all neighbours. Between the points nothing is proven.
+        None means that neighbouring points always differ. Nothing is proven between the points.
         """
         same = [
             all(abs(getattr(a, name) - getattr(b, name)) < 1e-6 for name in counts)
@@ -153,7 +153,7 @@ class SweepEvaluation:
         }
 
     def to_json(self) -> str:
-        """Return the JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document, with sorted keys, without NaN, with full doubles."""
         return json_text(self.to_dict())
 
     def _range(self, *counts: str) -> Json | None:

@@ -1,1 +1,1 @@
-"""Presentation of results: text, pages, pictures and files of one list of tables and charts."""
+"""Presentation of results as text, pages, pictures and files, from shared tables and charts."""

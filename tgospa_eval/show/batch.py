@@ -1,7 +1,7 @@
 """Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
-Proven is what holds for these files; statistical is what they say of others like them. Tables, page
-and pictures are made of this.
+The proven order holds for these files; the statistical order is about similar files. Tables, page
+and pictures are made from the tables in this module.
 """
 
 import itertools
@@ -19,15 +19,15 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.formats.fields import TimeError, places
+from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
 from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
-from tgospa_eval.show import rendering, result_text, study_table
+from tgospa_eval.show import result_text, study_table, table_text
 from tgospa_eval.show.style import HEAT_LEVELS
 from tgospa_eval.show.time_axis import TimeAxis
-from tgospa_eval.text import listed, option
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,8 +40,8 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""Costs under the RMS: those of the step at t; their sum up to t by the steps of the horizon up to
-t; the same of an evaluation of these steps alone."""
+"""Kinds of curves by their costs under the root mean square: costs of the step at t; their sum up
+to t divided by the number of steps up to t; the same from an evaluation of these steps alone."""
 
 LINE_NAMES = {
     "total": "RMS-TGOSPA",
@@ -57,7 +57,7 @@ LINE_NAMES = {
     "detection_rate": "detection rate",
     NEES: "NEES",
 }
-"""Names of the lines of a curve, as papers have them."""
+"""Names of the lines of a curve, as in papers."""
 
 BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
 
@@ -67,7 +67,7 @@ BANDS: Mapping[BandKind, str] = {
     "percentiles": "the 2.5th to the 97.5th percentile of the runs",
     "deviation": "plus and minus one standard deviation of the runs",
 }
-"""Names of bands around curves; the first by default."""
+"""Descriptions of bands around curves; the first is the default."""
 
 POINT_COLUMNS = (
     *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
@@ -76,10 +76,10 @@ POINT_COLUMNS = (
 """Columns of a table with a row for each time."""
 
 KIND_COLUMN = "curve"
-"""Column before them where several curves are in one table."""
+"""First column of a table with several curves."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
-"""Lower and upper ends; None where too few runs count."""
+"""Lower and upper ends; None if too few runs count."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,25 +89,25 @@ class RmsCurve:
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group, and parameters where those differ; none is called like a column.
+        Labels of the group, and parameters if they differ; their names differ from all columns.
     kind : str
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
-        As they were read, in order.
+        Times as they were read, in order.
     runs : sequence of int
-        How many count at each time.
+        Number of runs that count at each time.
     rms : mapping of str to sequence of float
-        Root mean squares at the K times, in state units: of the whole cost, ``total``, and of its
-        parts by name; of the costs per time step also ``gospa`` and ``gospa.PART``.
+        Root mean squares at the K times, in state units: ``total``, and the parts by name. Costs
+        per time step also have ``gospa`` and ``gospa.PART``.
     bands : mapping of str to pair of sequence of float
-        What is around each; empty where there are too few runs.
+        Band around each line; empty if there are too few runs.
     bounds : pair of sequence of float, optional
-        Proven bounds of the values; None where costs are of one assignment.
+        Proven bounds of the values; None if the costs are of one assignment.
     band : str
-        What the bands are, one of `BANDS`.
+        Kind of the bands, one of `BANDS`.
     means : mapping of str to sequence of float
-        Of the costs per time step: ``truth_states`` and ``estimate_states`` of a run,
-        ``detection_rate`` and ``nees`` of all; NaN where there is nothing.
+        Means for curves per time step: ``truth_states`` and ``estimate_states`` of a run,
+        ``detection_rate`` and ``nees`` over all runs; NaN at times without a value.
     """
 
     group: Mapping[str, str]
@@ -126,11 +126,11 @@ class RmsCurve:
 
     @property
     def name(self) -> str:
-        """The group in a line."""
+        """Labels of the group in one line."""
         return "/".join(self.group.values())
 
     def top(self, name: str) -> float:
-        """Return the largest value of the whole cost or a part, with its band."""
+        """Return the largest value of a line with its band."""
         ends = self.bands[name][1] if name in self.bands else ()
         known = [value for value in self.values(name) if value == value]
         return max((*known, *(end for end in ends if end is not None)), default=0.0)
@@ -156,9 +156,9 @@ class RmsCurve:
 def on_one_axis(
     curves: Sequence[RmsCurve],
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
-    """Return the common time axis of all curves, each curve's positions on it, and its ends.
+    """Return the common time axis of all curves, the positions of each curve on it, and its ends.
 
-    Times of several kinds have no order: then the axis is that of the numbers of the steps.
+    Times of several kinds have no order. The axis then shows numbers of steps.
     """
     try:
         positions = places([curve.times for curve in curves])
@@ -205,44 +205,44 @@ def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
 
 
 Places = tuple[int, int]
-"""The best and the worst, counted from 1."""
+"""Best and worst possible place, counted from 1."""
 
 MAX_LINES = 6
-"""Groups whose curves are drawn."""
+"""Largest number of groups with curves."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """All values of a label in the order of `combined`.
+    """Ranking of all values of a label, in the order of `combined`.
 
     Parameters
     ----------
     label : str
-        Its name.
+        Name of the label.
     entries : list of dict
         Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
-        ``per_step``, its parts by name; ``confidence``, the 95 % interval of combined, and
-        ``statistical_place``, both None where there are too few pairs.
+        ``per_step``, parts by name; ``confidence``, the 95 % interval of `combined`, and
+        ``statistical_place``. The last two are None if there are too few pairs.
     comparisons : list of dict
-        All pairs of them, the ``first`` has the smaller value: ``verdict`` (proven), bounds of the
-        ``difference`` of combined; ``lower`` and ``upper`` end of its 95 % interval, ``p_value``,
-        ``p_holm``, ``significant``, all None where there are too few pairs.
+        All pairs of entries; the ``first`` has the smaller value. Each has the proven ``verdict``
+        and the bounds of the ``difference`` of `combined`; ``lower`` and ``upper`` end of its 95 %
+        interval, ``p_value``, ``p_holm`` and ``significant``, which are None with too few pairs.
     jobs, all_jobs : int
-        How many jobs of each are compared; how many there are of which one at least has a value.
+        Number of compared jobs of each entry, and of jobs for which any entry has a value.
     pairs : int
-        What statistics are of: truths, or jobs if there is one truth alone.
+        Number of pairs in the statistics: of truths, or of jobs if there is only one truth.
     truths : int
-        How many there are.
+        Number of truths.
     permutations : int
-        Of the test; 0 where there are too few pairs.
+        Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Of those, if they are drawn.
+        Seed of the permutations, if they are drawn.
     order : float
         The order p.
     parameters : mapping of str to float or str
-        Those that differ in the batch.
+        Parameters of this ranking that differ in the batch.
     left_out : tuple of str
-        Names without any job that has a value.
+        Names for which no job has a value.
     """
 
     label: str
@@ -265,7 +265,7 @@ class Ranking:
 
     @property
     def p_values(self) -> list[float | None]:
-        """P value of each difference to the first, NaN for itself; None of too few pairs."""
+        """P value of the difference to the first entry, NaN for itself; None for too few pairs."""
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -274,12 +274,12 @@ class Ranking:
 
     def place(self, entry: Json) -> str:
         """Return the proven place of an entry in words."""
-        return rendering.place_in_words(
-            *entry["place"], shared=entry["name"] in rendering.equal_names(self.comparisons)
+        return table_text.place_in_words(
+            *entry["place"], shared=entry["name"] in table_text.equal_names(self.comparisons)
         )
 
     def total(self, entry: Json) -> Interval:
-        """Return the bracket of the cost of a step."""
+        """Return the bracket of the cost per step of an entry."""
         value = bracket(entry, "per_step")
         return Interval(lower=value.lower**self.order, upper=value.upper**self.order)
 
@@ -291,7 +291,7 @@ class Ranking:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:
-    """Everything that is shown of a batch.
+    """All tables and facts of a batch that are shown.
 
     Parameters
     ----------
@@ -300,23 +300,23 @@ class BatchTables:
     groups : DataFrame
         A row for each group.
     by : tuple of str
-        The labels that make a group; values of the first are compared.
+        Labels that define a group; values of the first label are compared.
     parameters : tuple of str
-        Those in which jobs differ, and with them groups.
+        Parameters that differ between jobs, and so between groups.
     rankings : tuple of Ranking
         One for each set of parameters.
     notes : tuple of str
-        Why something is not ranked, and where settings come from.
+        Reasons for missing rankings, and sources of settings.
     slices : mapping of int to list of Slicing
-        Costs split by attributes, sums over the jobs of a group, by the number of its row.
+        Costs split by attributes, summed over the jobs of a group, by the number of its row.
     curves : tuple of RmsCurve
-        Over the steps of runs, where those are stored.
+        Curves over the steps of runs, if the steps are stored.
     settings : mapping of str to object
-        What was evaluated, and how; for the page and pictures.
+        Inputs and options of the evaluation, for the page and pictures.
     link : callable
-        Where the report of the job of a row is; nothing if there is none.
+        Function that receives a row and returns the path of its report, or an empty text.
     columns : tuple of str
-        Of the table of the study, if some were asked for.
+        Requested columns of the study table, if any.
     """
 
     rows: "pd.DataFrame"
@@ -333,27 +333,27 @@ class BatchTables:
 
     @property
     def order(self) -> float | None:
-        """The order p, if it is that of all jobs."""
+        """Order p, if all jobs have the same."""
         known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
         return float(*known) if len(known) == 1 else None
 
     @property
     def value(self) -> str:
-        """The name of the value per step."""
+        """Name of the value per step."""
         return study_table.value_name(
             self.order, int(self.groups["jobs"].max()) if len(self.groups) else 0
         )
 
     @property
     def heads(self) -> dict[str, str]:
-        """Columns of `groups` that tell them apart, with the names that these are shown by."""
+        """Columns of `groups` that distinguish the groups, with their displayed names."""
         headings = {
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
         return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """Return labels that distinguish a row of the groups from the others."""
+        """Return the labels that distinguish a row of the groups."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
@@ -368,11 +368,11 @@ class BatchTables:
         return [name.removeprefix("label.") for name in columns if name.startswith("label.")]
 
     def values_of(self, label: str) -> "pd.Series[str]":
-        """Return the value of a label of each job."""
+        """Return the value of a label for each job."""
         return self.rows[f"label.{label}"].fillna("").astype(str)
 
     def name_of(self, row: "pd.Series[Any]") -> str:
-        """Return labels of a job, and options of its own."""
+        """Return the labels of a job, and its own options."""
         own = json.loads(str(row["options"]))
         texts = [str(row[f"label.{name}"]) for name in self.labels]
         texts += [f"{key}={value}" for key, value in own.items()]
@@ -383,7 +383,7 @@ class BatchTables:
         return f"{number(value, digits)} {self.unit}" if self.unit else number(value, digits)
 
     def between(self, value: Interval, digits: int = 6) -> str:
-        """Return a value, or both ends where they differ."""
+        """Return a value, or both ends if they differ."""
         if value.upper - value.lower <= study_table.NARROW * value.upper:
             return self.quantity(value.upper, digits)
         return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
@@ -400,10 +400,10 @@ class BatchTables:
     def shown_groups(self) -> list[Json]:
         """All groups, in the order of the ranking.
 
-        Each has its ``name``, the number of its colour (``track``), ``jobs`` with a value and as
-        many as are ``expected``, the brackets ``per_step`` and ``rms``, the parts of the ``cost``
-        per step (``costs``), and the ``parameters`` that differ in the batch: costs of other ones
-        are no larger or smaller.
+        Each has its ``name``, the number of its colour (``track``), the numbers of ``jobs`` with a
+        value and of ``expected`` jobs, brackets ``per_step`` and ``rms``, its ``costs`` per step
+        by part, and the ``parameters`` that differ in the batch. Costs of different parameters
+        cannot be compared.
         """
         groups, names = self.groups, list(self.heads)
         if self.by and len(groups):
@@ -430,7 +430,7 @@ class BatchTables:
 
     @cached_property
     def heat(self) -> Json | None:
-        """The first label of the groups across, the second or another down."""
+        """Table of the first label of the groups across, and the second or another label down."""
         labels = [*self.by, *(name for name in self.labels if name not in self.by)]
         if len(labels) < 2:
             return None
@@ -443,7 +443,7 @@ class BatchTables:
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
-        # The colour is that of the ranking, unless several lines would have it.
+        # Colours are those of the ranking, unless several lines would have the same.
         one_line_each = len(set(first.values())) == len(names)
         track = {
             name: self.compared.get(first[name], k) if one_line_each else k
@@ -481,10 +481,10 @@ def bracket(row: Mapping[str, Any], name: str) -> Interval:
 # The table of jobs, side by side.
 
 TABLE_ROWS = 60
-"""Rows of a table with numbers, at most; larger ones have squares."""
+"""Largest number of rows of a table with numbers; larger tables have squares."""
 
 MAX_SQUARES = 1000
-"""Squares of each column, at most; of more jobs those are shown that lose most."""
+"""Largest number of squares in each column; those with the highest costs are shown."""
 
 MAX_COLUMNS = 12
 
@@ -500,40 +500,40 @@ def heat_of(
     link: Callable[[Mapping[Any, Any]], str],
     parameters: Sequence[str] = (),
 ) -> Json:
-    """Return jobs side by side, as a table of squares or numbers.
+    """Return jobs side by side as a table of squares or numbers.
 
     Parameters
     ----------
     rows : DataFrame
-        Of a store.
+        Rows of a store, one for each job.
     labels : pair of str
         Names of the labels down and across.
     columns : sequence of str
-        Values of the label across, in order; others are left out.
+        Displayed values of the label across, in order.
     link : callable
-        Where the report of the job of a row is; nothing if there is none.
+        Function that receives a row and returns the path of its report, or an empty text.
     parameters : sequence of str
-        Columns in which rows differ: costs are not added up over these, they are named down.
+        Columns that differ between rows; they separate sums of costs, and are in names of rows.
 
     Returns
     -------
     dict
-        ``down`` and ``across``, names of the labels, and their values, ``rows`` and ``columns``;
-        how many of these are left out, ``hidden_rows`` with the smallest values and
-        ``hidden_columns``, the last; whether there are too many for numbers (``squares``).
-        ``cells`` by row and column, None where there is no job: ``value`` is the bracket of TGOSPA
-        per step and ``text`` it in words, None and "failed" if all ``jobs`` have ``failed``;
-        ``level`` its shade, from 0; ``link`` where its report is, if it is a single job that has
-        one; ``best`` whether no other of its row can be proven to be better or equal. ``ends`` are
-        the least and the largest value, if any. ``scales`` counts sets of parameters: a shade is
-        between the least and the largest value of its own.
+        ``down`` and ``across`` are the names of the labels; ``rows`` and ``columns`` are their
+        values. ``hidden_rows`` counts the rows left out, which have the smallest values, and
+        ``hidden_columns`` the last columns. ``squares`` is true if there are too many rows for
+        numbers. ``cells`` are by row and column, None without a job: ``value`` is the bracket of
+        TGOSPA per step, None if all ``jobs`` have ``failed``, ``text`` its text or "failed",
+        ``level`` its shade from 0, ``link`` the path of the report of a single job, and ``best``
+        whether no other cell of the row can be better or equal. ``ends`` are the smallest and the
+        largest value, if any. ``scales`` counts the sets of parameters: shades lie between the
+        smallest and the largest value of the same set.
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
         values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
         down = down + f" {name}=" + values
     shown = list(columns)[:MAX_COLUMNS]
-    # Where all jobs failed there are no columns of values.
+    # Columns of values are missing if all jobs failed.
     rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
     jobs = rows.assign(_row=down, _column=across)[across.isin(shown)]
     sets = jobs.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
@@ -601,19 +601,19 @@ def heat_of(
 # Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
 
 
-def slice_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Yield costs of the groups split by attributes, where that was asked for."""
+def slice_tables(tables: BatchTables) -> Iterator[table_text.Table]:
+    """Yield tables of costs of the groups split by attributes, if requested."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
 def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """Yield names of each group that has slices, and its slices."""
+    """Yield the names and slices of each group that has slices."""
     for group, slicings in tables.slices.items():
         yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Return slices of the groups as columns, labels first; no columns without slices."""
+    """Return slices of the groups as columns, labels first; without slices no columns."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -625,7 +625,7 @@ def slices_of_groups(tables: BatchTables) -> Columns:
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
-    """Explain the slices, if there are any."""
+    """Explain the slices, if any."""
     yield from result_text.about_slices(
         [one for slicings in tables.slices.values() for one in slicings]
     )
@@ -635,7 +635,7 @@ def about_slices_of(tables: BatchTables) -> Iterator[str]:
 # Tables of a batch for programs: CSV and JSON.
 
 STORED = "slices"
-"""Column of rows with the slices of each job, as text."""
+"""Column with the slices of each job, as text."""
 
 THRESHOLDS = ".at."
 """Infix of columns with a list in each row: a number for each threshold of HOTA."""
@@ -686,7 +686,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """Return rows as plain values, None for missing ones."""
+    """Return rows as plain values, without missing ones."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -703,14 +703,14 @@ def _plain(name: str, value: Any) -> Any:
     return list(value) if THRESHOLDS in name else value
 
 
-def document(tables: BatchTables) -> rendering.Document:
+def document(tables: BatchTables) -> table_text.Document:
     """Return the document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
-    return rendering.Document(
+    return table_text.Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
         lines=[
-            *filter(None, [rendering.parameters_of(_parameters(tables))]),
+            *filter(None, [table_text.parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
             *filter(_warns, tables.notes),
         ],
@@ -724,7 +724,7 @@ def document(tables: BatchTables) -> rendering.Document:
 
 
 def _warns(note: str) -> bool:
-    """Check whether the order needs a note."""
+    """Check whether a note is a warning."""
     return note.startswith("warning:")
 
 
@@ -733,7 +733,7 @@ def of_expected(jobs: int, expected: int) -> str:
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
-def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
+def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield the table of the study with costs of a run, and rankings on fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
@@ -764,7 +764,7 @@ def study_tables(tables: BatchTables) -> Iterator[rendering.Table]:
             (tables.rankings[0].label, *tables.rankings[0].parameters),
             [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
             title,
-            caption=f"Of the jobs that all have. {caption}",
+            caption=f"Values are those of the jobs that all have. {caption}",
         )
 
 
@@ -776,7 +776,7 @@ def _group_key(tables: BatchTables, row: Mapping[Hashable, Any]) -> GroupKey:
 
 
 Ranked = tuple[Ranking, Json, float | None]
-"""A ranking, one of its entries, and the p value of that."""
+"""A ranking, one of its entries, and the p value of the entry."""
 
 
 def _ranked(tables: BatchTables) -> Iterator[Ranked]:
@@ -844,8 +844,8 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
     return [alike for alike in rivals.values() if len({rows[k]["jobs"] for k in alike}) == 1]
 
 
-def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
-    """Yield other metrics of the groups, where they were asked for."""
+def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
+    """Yield other metrics of the groups, if requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
     other = list(result_text.other_records(rows))
@@ -856,18 +856,19 @@ def other_tables(tables: BatchTables) -> Iterator[rendering.Table]:
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
-    """Return the groups of which a job has a value."""
+    """Return the groups in which any job has a value."""
     return [row for row in tables.groups.to_dict("records") if row["jobs"]]
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
-    """Yield the proven and the statistical order, a sentence each."""
+    """Yield a sentence each for the proven and the statistical order."""
     entries, where = ranking.entries, _where(ranking)
     jobs = f"{counted(ranking.jobs, 'job')} each"
     if ranking.jobs < ranking.all_jobs:
         all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
         jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{rendering.order_in_words(ranking.value, entries, ranking.comparisons)} ({jobs})"
+    order = table_text.order_in_words(ranking.value, entries, ranking.comparisons)
+    yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
@@ -876,12 +877,12 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
         yield f"{begin}: {first[0]} is significantly better than all others"
     else:
-        top = rendering.first_names([[name] for name in first])
+        top = table_text.first_names([[name] for name in first])
         yield f"{begin}: no significant difference at the top between {top}"
 
 
 def _where(ranking: Ranking) -> str:
-    """Return parameters of a ranking, if there are several sets of them."""
+    """Return the parameters of a ranking as a prefix, if there are several sets of parameters."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
@@ -919,7 +920,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     if tables.rankings:
         yield "order and places are proven for these files, by the bounds"
     if opened:
-        yield rendering.SPLIT_NOTE
+        yield table_text.SPLIT_NOTE
     for population in dict.fromkeys(
         item.population for item in tables.rankings if item.permutations
     ):
@@ -931,7 +932,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
-            names = listed(ranking.left_out, rendering.MAX_NAMED)
+            names = listed(ranking.left_out, table_text.MAX_NAMED)
             yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
@@ -951,4 +952,4 @@ def about_other_metrics(tables: BatchTables) -> Iterator[str]:
 
 def batch_report(tables: BatchTables, format: str) -> str:
     """Return the report of a batch in the format of ``--format``."""
-    return rendering.rendered(format, tables, document, batch_json, batch_columns)
+    return table_text.rendered(format, tables, document, batch_json, batch_columns)

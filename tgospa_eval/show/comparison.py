@@ -1,4 +1,4 @@
-"""Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
+"""Documents of `compare` in printed formats. All numbers come from the documents."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.results.sweep import Point, SweepEvaluation
-from tgospa_eval.show import rendering, result_text, study_table
+from tgospa_eval.show import result_text, study_table, table_text
 
 TIES = (
     "if several assignments of a step cost the same, SciPy's is used, with objects in the order "
@@ -22,18 +22,18 @@ TIES = (
 )
 
 
-def estimates_document(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
-    """Report several estimates of one truth, or one with per-step GOSPA beside it.
+def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_text.Document:
+    """Report several estimates of one truth, or TGOSPA of one estimate next to per-step GOSPA.
 
-    `requested` are columns of the table.
+    `requested` are names of columns of the table.
     """
-    return rendering.Document(
+    return table_text.Document(
         kind=_what(document),
         title=_order(document),
         lines=[
             *_warned(document, of_order=True),
             _runs(document),
-            rendering.parameters_of(document["parameters"]),
+            table_text.parameters_of(document["parameters"]),
         ],
         tables=[
             *_study_tables(document, requested),
@@ -46,70 +46,70 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> renderi
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings about the data or about an order by covariances."""
+    """Yield warnings about an order by covariances if `of_order`, otherwise about the data."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
 
 
 def estimates_columns(document: Json) -> Columns:
-    """Return a row for each estimate, plain numbers."""
+    """Return a row for each estimate, with plain numbers."""
     items = document["estimates"]
-    table = rendering.columns(items, ["name"])
+    table = table_text.columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
         table[f"place_{end}"] = [item["place"][k] for item in items]
     per_step = [item["normalised"] for item in items]
-    table |= rendering.columns(per_step, per_step[0], "normalised_")
-    table |= rendering.columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
-    table |= rendering.columns([item["counts"] for item in items], items[0]["counts"], "count_")
+    table |= table_text.columns(per_step, per_step[0], "normalised_")
+    table |= table_text.columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
+    table |= table_text.columns([item["counts"] for item in items], items[0]["counts"], "count_")
     if all(item.get(NEES) for item in items):
-        table |= rendering.columns(
+        table |= table_text.columns(
             [item[NEES] for item in items], ("mean", "anees", "inside"), "nees_"
         )
     if all(MEAN in item and SPREAD in item for item in items):
-        table |= rendering.columns(items, (MEAN, SPREAD))
+        table |= table_text.columns(items, (MEAN, SPREAD))
     steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
     if steps:
         table["gospa_total"] = [step["total"] for step in steps]
-        for rule in rendering.RULES:
+        for rule in table_text.RULES:
             names = ("switches", "halves", "total", "mean")
-            table |= rendering.columns([step[rule] for step in steps], names, f"{rule}_")
+            table |= table_text.columns([step[rule] for step in steps], names, f"{rule}_")
     return table | result_text.other_columns([item.get("with", {}) for item in items])
 
 
 def pairs_columns(document: Json) -> Columns:
-    """Return a row for each pair of estimates: the second less the first, costs per step."""
+    """Return a row for each pair of estimates: costs per step of the second minus the first."""
     pairs = document["pairs"]
-    table = rendering.columns(pairs, ("first", "second", "verdict"))
+    table = table_text.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
-    table |= rendering.columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
-    table |= rendering.columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
+    table |= table_text.columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
+    table |= table_text.columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
     names = ("mean", "standard_error", "first_less", "second_less")
-    return table | rendering.columns([pair["per_run"] for pair in pairs], names, "per_run_")
+    return table | table_text.columns([pair["per_run"] for pair in pairs], names, "per_run_")
 
 
 def _order(document: Json) -> str:
-    estimates, unit = document["estimates"], rendering.unit_of(document["parameters"])
+    estimates, unit = document["estimates"], table_text.unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
-        value = rendering.between(item["lower_bound"], item["tgospa"], ".6g")
+        value = table_text.between(item["lower_bound"], item["tgospa"], ".6g")
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     value = study_table.value_name(document["parameters"]["order"], document["runs"])
-    return rendering.order_in_words(value, estimates, document["pairs"])
+    return table_text.order_in_words(value, estimates, document["pairs"])
 
 
 def _what(document: Json) -> str:
     """Explain what this document shows, and which command shows the rest."""
     count = len(document["estimates"])
     if count > 1:
-        return f"Ranking of {count} estimates; {rendering.TO_STUDY}"
+        return f"Ranking of {count} estimates; {table_text.TO_STUDY}"
     if document["estimates"][0]["per_step_gospa"] is not None:
-        return f"TGOSPA beside per-step GOSPA for one estimate; {rendering.TO_RANK}"
+        return f"TGOSPA and per-step GOSPA for one estimate; {table_text.TO_RANK}"
     if document["runs"] == 1:
-        return f"TGOSPA beside other metrics for one estimate; {rendering.TO_RANK}"
-    return f"Mean over the runs of one estimate; {rendering.TO_RANK}"
+        return f"TGOSPA and other metrics for one estimate; {table_text.TO_RANK}"
+    return f"Mean over the runs of one estimate; {table_text.TO_RANK}"
 
 
 def _runs(document: Json) -> str:
@@ -132,7 +132,7 @@ def _runs(document: Json) -> str:
 def study_rows(document: Json) -> list[study_table.StudyRow]:
     """Return a row for each estimate, best first."""
     items, pairs = document["estimates"], document["pairs"]
-    equal, first = rendering.equal_names(pairs), items[0]["name"]
+    equal, first = table_text.equal_names(pairs), items[0]["name"]
     p_values = {pair["second"]: pair["p_holm"] for pair in pairs if pair["first"] == first}
     return [
         study_table.StudyRow(
@@ -143,7 +143,7 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
             total=Interval(lower=item["total_lower"], upper=item["total"]),
             costs={part: item[part] for part in PARTS},
             confidence=item["confidence"],
-            place=rendering.place_in_words(*item["place"], shared=item["name"] in equal)
+            place=table_text.place_in_words(*item["place"], shared=item["name"] in equal)
             if pairs
             else "",
             p=p_values.get(item["name"], nan) if item["confidence"] and pairs else None,
@@ -153,8 +153,8 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
     ]
 
 
-def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[rendering.Table]:
-    """Yield the table of the study, and below differences and costs."""
+def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[table_text.Table]:
+    """Yield the table of the study, then differences and costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
     title = study_table.value_name(document["parameters"]["order"], document["runs"])
     caption = study_table.study_caption(title, document["parameters"])
@@ -165,31 +165,31 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[renderin
     yield from result_text.covariances_table(("covariances",), names, document["estimates"])
 
 
-def _pair_tables(document: Json) -> Iterator[rendering.Table]:
-    """Yield differences to the first estimate, costs per step."""
+def _pair_tables(document: Json) -> Iterator[table_text.Table]:
+    """Yield differences to the first estimate as costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
-    head = ("cost/step", "order", *rendering.PART_HEADS, "steps -/+", "runs -/+")
+    head = ("cost/step", "order", *table_text.PART_HEADS, "steps -/+", "runs -/+")
     width = len(head) + (document["runs"] > 1)
     rows = []
     for pair in pairs:
         difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
         low, high = difference["total"]
         cells = (
-            "+0" if pair["verdict"] == "equal" else rendering.between(low, high, "+.6g"),
-            rendering.ORDERS[pair["verdict"]],
+            "+0" if pair["verdict"] == "equal" else table_text.between(low, high, "+.6g"),
+            table_text.ORDERS[pair["verdict"]],
             *(f"{difference[name]:+.3g}" for name in PARTS),
             f"{steps['better']}/{steps['worse']}",
             f"{runs['second_less']}/{runs['first_less']}",
         )
         rows.append((pair["second"], *cells)[:width])
-    yield rendering.Table(head=(f"vs {first}", *head)[:width], rows=rows)
+    yield table_text.Table(head=(f"vs {first}", *head)[:width], rows=rows)
 
 
-def _against_tables(document: Json) -> Iterator[rendering.Table]:
-    """Yield TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+def _against_tables(document: Json) -> Iterator[table_text.Table]:
+    """Yield TGOSPA, per-step GOSPA and the two rules for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -199,11 +199,11 @@ def _against_tables(document: Json) -> Iterator[rendering.Table]:
         name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
         rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
         rows.append((f"{name}GOSPA, summed", step["total"], None, None))
-        for rule, title in rendering.RULES.items():
+        for rule, title in table_text.RULES.items():
             gospa = step[rule]
             rows.append((f"{name}{title}", gospa["total"], gospa["switches"], gospa["mean"]))
     names, totals, counts, means = zip(*rows, strict=True)
-    yield rendering.table_of(
+    yield table_text.table_of(
         {
             "sum over steps of values^p": names,
             "total": [number(total) for total in totals],
@@ -214,7 +214,7 @@ def _against_tables(document: Json) -> Iterator[rendering.Table]:
     )
 
 
-def _other_tables(document: Json) -> Iterator[rendering.Table]:
+def _other_tables(document: Json) -> Iterator[table_text.Table]:
     items = document["estimates"]
     names = [(item["name"],) for item in items]
     metrics = [item.get("with", {}) for item in items]
@@ -239,11 +239,11 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             )
         yield "; ".join(
             [
-                *(text for verdict, text in rendering.PROOFS.items() if verdict in verdicts),
+                *(text for verdict, text in table_text.PROOFS.items() if verdict in verdicts),
                 "steps -/+: number of steps at which the estimate costs less / more than the first",
             ]
         )
-    yield rendering.SPLIT_NOTE
+    yield table_text.SPLIT_NOTE
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence
@@ -256,37 +256,37 @@ def _ranking_notes(document: Json) -> Iterator[str]:
 # Solvers compared on one estimate, as a document and as a table.
 
 
-def solvers_document(document: Json) -> rendering.Document:
-    """Report one problem through several solvers."""
+def solvers_document(document: Json) -> table_text.Document:
+    """Report several solvers on one problem."""
     runs = document["runs"]
-    return rendering.Document(
-        kind=f"Comparison of solvers; {rendering.TO_RANK}",
+    return table_text.Document(
+        kind=f"Comparison of solvers; {table_text.TO_RANK}",
         title=_agreement(document),
         lines=[
-            rendering.size_of(document["sizes"]),
-            rendering.parameters_of(document["parameters"]),
+            table_text.size_of(document["sizes"]),
+            table_text.parameters_of(document["parameters"]),
         ],
         tables=[
-            rendering.table_of(
+            table_text.table_of(
                 {
                     "run": [run["name"] for run in runs],
-                    "TGOSPA": [rendering.or_dash(run["tgospa"], ".9g") for run in runs],
-                    "lower bound": [rendering.or_dash(run["lower_bound"], ".9g") for run in runs],
-                    "error": [rendering.error_of(run["error"]) for run in runs],
-                    "bound's error": [rendering.error_of(run["lower_error"]) for run in runs],
-                    "iterations": [rendering.or_dash(run["iterations"], "d") for run in runs],
+                    "TGOSPA": [table_text.or_dash(run["tgospa"], ".9g") for run in runs],
+                    "lower bound": [table_text.or_dash(run["lower_bound"], ".9g") for run in runs],
+                    "error": [table_text.error_of(run["error"]) for run in runs],
+                    "bound's error": [table_text.error_of(run["lower_error"]) for run in runs],
+                    "iterations": [table_text.or_dash(run["iterations"], "d") for run in runs],
                 }
             ),
             *_entropic_tables(runs),
-            rendering.table_of(
+            table_text.table_of(
                 {
                     "seconds": [run["name"] for run in runs],
                     **{
-                        stage: [rendering.or_dash(value, ".4f") for value in values]
+                        stage: [table_text.or_dash(value, ".4f") for value in values]
                         for stage, values in _stages(runs).items()
                     },
                     "MB": [
-                        rendering.or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
+                        table_text.or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
                         for used in (run["memory"] for run in runs)
                     ],
                 }
@@ -298,13 +298,13 @@ def solvers_document(document: Json) -> rendering.Document:
 
 
 def solvers_columns(document: Json) -> Columns:
-    """Return a row for each run, plain numbers."""
+    """Return a row for each run, with plain numbers."""
     runs = document["runs"]
     names = (
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
         *("lower_error", *PARTS, "iterations", "status", "finished"),
     )
-    table = rendering.columns(runs, names)
+    table = table_text.columns(runs, names)
     for name in ENTROPIC:
         table[f"entropic_{name}"] = [run["entropic"] and run["entropic"][name] for run in runs]
     table |= {f"{stage}_seconds": values for stage, values in _stages(runs).items()}
@@ -314,7 +314,7 @@ def solvers_columns(document: Json) -> Columns:
 
 
 def _agreement(document: Json) -> str:
-    referee, unit = document["referee"], rendering.unit_of(document["parameters"])
+    referee, unit = document["referee"], table_text.unit_of(document["parameters"])
     if not document["agree"]:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
         return (
@@ -346,35 +346,35 @@ def _solver_notes(document: Json) -> Iterator[str]:
 ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation")
 
 
-def _entropic_tables(runs: Sequence[Json]) -> Iterator[rendering.Table]:
-    """Yield the value of the regularised problem, where a run has one."""
+def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
+    """Yield the value of the regularised problem, if a run has one."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
-        yield rendering.table_of(
+        yield table_text.table_of(
             {
                 "entropic": names,
                 "value": [f"{value['dual']:.7g}" for value in values],
-                "error": [rendering.error_of(value["error"]) for value in values],
+                "error": [table_text.error_of(value["error"]) for value in values],
                 "cost alone": [f"{value['cost']:.7g}" for value in values],
-                "its error": [rendering.error_of(value["cost_error"]) for value in values],
+                "its error": [table_text.error_of(value["cost_error"]) for value in values],
                 "sweeps": [str(value["sweep"]) for value in values],
             }
         )
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
-"""Solving and proof together, and what they consist of."""
+"""Solving and proof together, and their stages."""
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
-    """Return seconds of each stage, of all runs."""
+    """Return seconds of each stage for all runs."""
     each = [_split(run["seconds"]) for run in runs]
     return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Return the split of one run."""
+    """Return the seconds of the stages of one run."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -391,9 +391,9 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 # A scaling study, as a document, a report and a table.
 
 
-def study_document(document: Json) -> rendering.Document:
+def study_document(document: Json) -> table_text.Document:
     """Report solvers on synthetic scenes of many sizes."""
-    return rendering.Document(
+    return table_text.Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
         lines=list(_study_lines(document)),
@@ -403,12 +403,12 @@ def study_document(document: Json) -> rendering.Document:
 
 
 def study_report(document: Json, pictures: Iterable[str]) -> str:
-    """Report as Markdown, with the pictures that Markdown can show."""
+    """Report as Markdown, with the pictures in formats that Markdown can show."""
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
     )
-    return f"# Scaling study\n\n{rendering.as_markdown(study_document(document))}" + (
+    return f"# Scaling study\n\n{table_text.as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
 
@@ -431,7 +431,7 @@ CAPTIONS = {
 
 
 def study_columns(document: Json) -> Columns:
-    """Return a row for each size and solver, plain numbers."""
+    """Return a row for each size and solver, with plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
         "targets": [size["targets"] for size, _ in rows],
@@ -475,37 +475,37 @@ def _study_lines(document: Json) -> Iterator[str]:
         f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
         f"seed {document['seed']}"
     )
-    yield rendering.parameters_of(document["parameters"])
+    yield table_text.parameters_of(document["parameters"])
     yield document["machine"]
 
 
-def _times_table(document: Json) -> rendering.Table:
-    """Return the table of time and error; mean and standard deviation over the runs."""
+def _times_table(document: Json) -> table_text.Table:
+    """Return the table of time and error, as mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
             where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
             spent = (
-                rendering.or_dash(made["seconds"]["mean"], ".3g"),
+                table_text.or_dash(made["seconds"]["mean"], ".3g"),
                 _deviation(made["seconds"], ".2g"),
             )
-            error = rendering.error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
-            iterations = rendering.or_dash(made["iterations"]["mean"], ".0f")
-            below = rendering.error_of(made["lower_error"]["mean"])
+            error = table_text.error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
+            iterations = table_text.or_dash(made["iterations"]["mean"], ".0f")
+            below = table_text.error_of(made["lower_error"]["mean"])
             rows.append((made["name"], *where, *spent, *error, below, iterations))
-    return rendering.Table(
+    return table_text.Table(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
     )
 
 
-def _rms_table(document: Json) -> rendering.Table:
-    """Return the table of the metric itself: roots per step, RMS over runs."""
+def _rms_table(document: Json) -> table_text.Table:
+    """Return the table of the metric: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
     table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
     for head, name in zip(("TGOSPA", *PARTS), ("tgospa", *PARTS), strict=True):
-        table[head] = [rendering.or_dash(size["normalised"][name], ".5g") for size in sizes]
-    return rendering.table_of(table)
+        table[head] = [table_text.or_dash(size["normalised"][name], ".5g") for size in sizes]
+    return table_text.table_of(table)
 
 
 def _study_notes(document: Json) -> Iterator[str]:
@@ -514,7 +514,7 @@ def _study_notes(document: Json) -> Iterator[str]:
         "most; bound's: the same of the lower bound; "
         "+- one standard deviation over the runs"
     )
-    yield rendering.SPLIT_NOTE
+    yield table_text.SPLIT_NOTE
     for size in document["sizes"]:
         where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
         if size["left_out"]:
@@ -531,7 +531,7 @@ def _study_notes(document: Json) -> Iterator[str]:
 
 def _deviation(values: Json, form: str) -> str:
     value = values["deviation"]
-    return "-" if value is None else ("0" if value < rendering.EXACT else f"{value:{form}}")
+    return "-" if value is None else ("0" if value < table_text.EXACT else f"{value:{form}}")
 
 
 COLUMNS = {
@@ -546,10 +546,10 @@ DOCUMENTS = {
     "solvers": solvers_document,
     "study": study_document,
 }
-"""Text for people of each kind of document."""
+"""Report of each kind of document."""
 
 
-def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
+def page(document: Json, requested: Sequence[str] = ()) -> table_text.Document:
     """Return the report with the source of its settings; its table has the `requested` columns."""
     made = DOCUMENTS[document["kind"]](document, *([requested] if requested else ()))
     if "settings_file" not in document:
@@ -561,17 +561,17 @@ def page(document: Json, requested: Sequence[str] = ()) -> rendering.Document:
 def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
     """Return the report in a format; its table of estimates has the `requested` columns."""
     made = partial(page, requested=requested)
-    return rendering.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
+    return table_text.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
 
 # -------------------------------------------------------------------------------------------------
 # A sweep of a parameter.
 
 
-def sweep_document(sweep: SweepEvaluation) -> rendering.Document:
+def sweep_document(sweep: SweepEvaluation) -> table_text.Document:
     """Return the document of a sweep, with a row for each value."""
     points = sweep.points
-    table = {rendering.LETTERS[sweep.parameter]: [number(point.value) for point in points]}
+    table = {table_text.LETTERS[sweep.parameter]: [number(point.value) for point in points]}
     if not sweep.certified:
         table["lower bound"] = [number(point.lower_bound) for point in points]
     table["TGOSPA"] = [number(point.tgospa) for point in points]
@@ -580,13 +580,13 @@ def sweep_document(sweep: SweepEvaluation) -> rendering.Document:
         table[part] = [
             f"{number(getattr(point, part), 5)} ({number(_count(point, part))})" for point in points
         ]
-    return rendering.Document(
+    return table_text.Document(
         title=_sweep_title(sweep),
         lines=[
-            f"{rendering.parameters_of(sweep.settings, '; ')}; {sizes_in_words(sweep.sizes)}",
+            f"{table_text.parameters_of(sweep.settings, '; ')}; {sizes_in_words(sweep.sizes)}",
             "costs, and in brackets how many of each:",
         ],
-        tables=[rendering.table_of(table)],
+        tables=[table_text.table_of(table)],
         notes=list(_sweep_notes(sweep)),
         warnings=sweep.messages,
     )
@@ -599,7 +599,7 @@ def _count(point: Point, part: str) -> float:
 
 def _sweep_title(sweep: SweepEvaluation) -> str:
     points = sweep.points
-    word, letter = sweep.parameter.replace("_", " "), rendering.LETTERS[sweep.parameter]
+    word, letter = sweep.parameter.replace("_", " "), table_text.LETTERS[sweep.parameter]
     first, last = (_quantity(sweep, k) for k in (0, -1))
     over = f"at {letter} = {first}"
     if len(points) > 1:
@@ -620,8 +620,8 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Report the values between which the counts stay the same; best assignments only."""
-    letter = rendering.LETTERS[sweep.parameter]
+    """Yield the ranges of values with constant counts, for the best assignments only."""
+    letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return
     for names in (COUNTED_PARTS[:2], COUNTED_PARTS[2:]):

@@ -1,4 +1,4 @@
-"""Figures and their files, by matplotlib; no window, no global state, the same bytes."""
+"""Figures and their files by matplotlib: no window, no global state, reproducible bytes."""
 
 import io
 import warnings
@@ -24,19 +24,19 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.show.style import DOTS, FILES, LIGHT, SOFT, Style
 
 QUICK = 1
-"""Level of compression."""
+"""Compression level of PNG files."""
 
 PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", default=None)
-"""Axes or figure of the user in which a picture is drawn, in place of a figure of its own."""
+"""Axes or figure of the user in which a picture is drawn, instead of a figure of its own."""
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """Return an empty figure, sizes in inches, and its (rows, columns) axes; or `PLACE`.
+    """Return an empty figure of this size in inches, or `PLACE`, and its (rows, columns) axes.
 
     Raises
     ------
     ConfigError
-        One axes is there for several panels.
+        Single axes were given for several panels.
     """
     grid = 0.75 * matplotlib.rcParams["grid.linewidth"]
     made: Any = PLACE.get()
@@ -54,7 +54,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
         axis.set_axisbelow(True)
         for side, spine in axis.spines.items():
             spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # on the edge of the axes: finding that out takes long
+            spine.set_in_layout(False)  # lies on the edge; checking that is slow
         counted(axis.xaxis)
         counted(axis.yaxis)
         axis.xaxis.set_major_locator(SpacedLocator())
@@ -62,22 +62,22 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 
 
 def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
-    """Return the picture as a file of one of `FILES`; to be called under `styled`.
+    """Return the picture as a file of one of `FILES`; call it under `styled`.
 
-    The layout is that of a PNG whatever the format and those before, and made once.
+    The layout is made once, as for a PNG, whatever the formats are.
     """
-    # The ids of an SVG are the same each time; in a PDF fonts are those that publishers take.
+    # Ids of an SVG are the same each time; fonts of a PDF have the type that publishers accept.
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
     target = io.BytesIO()
     with warnings.catch_warnings():
-        # An id in a script that the font lacks is drawn as boxes; a warning would add nothing.
+        # An id in a script that the font lacks is drawn as boxes; a warning is not needed.
         warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
         made.set_dpi(dots)
         canvas, engine = FigureCanvasAgg(made), made.get_layout_engine()
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # savefig draws everything once more, and stores opacities too
+        if kind == "png":  # savefig draws again, and stores opacities
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -88,7 +88,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
 
 
 def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
-    """Draw filled steps within limits set by hand: to find theirs takes longer than to draw."""
+    """Draw filled steps within preset limits, because computing limits is slower than drawing."""
     made = StepPatch(top, edges, fill=True, **looks)
     axis.add_artist(made)
     return made
@@ -101,7 +101,7 @@ def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
 
 
 def counted(which: Axis) -> None:
-    """Write numbers on this axis as everywhere else."""
+    """Write numbers on this axis in the format of all other output."""
     which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
 
 
@@ -114,7 +114,7 @@ def label(axis: Axes, x: str, y: str, title: str) -> None:
 
 
 def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
-    """Write the title of the axes and its subject, if pictures have titles."""
+    """Write the title and subject of the axes, if the style has titles."""
     if not style.titles or isinstance(PLACE.get(), Axes):
         return
     axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
@@ -122,7 +122,7 @@ def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
 
 
 def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int) -> None:
-    """Draw the legend above the axes, where it hides nothing."""
+    """Draw the legend above the axes, where it covers nothing."""
     if handles:
         tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
         where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
@@ -134,7 +134,7 @@ def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int)
 
 
 def literal(text: str, width: int = 24) -> str:
-    """Return a text of the user on one line; of a long one the ends, as the last matters more."""
+    """Return a user's text on one line; long ones keep both ends, and more of the last."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) <= width:
         return text
@@ -142,7 +142,7 @@ def literal(text: str, width: int = 24) -> str:
 
 
 def power(unit: str, order: float) -> str:
-    """Return the unit of a cost in brackets, with a space in front; nothing without unit."""
+    """Return the unit of a cost in brackets after a space, or an empty text without a unit."""
     raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
     return f" ({literal(unit)}{raised})" if unit else ""
 
@@ -152,9 +152,9 @@ def power(unit: str, order: float) -> str:
 
 
 class ShownFigure(Figure):
-    """Figure that a notebook shows at the end of a cell; pyplot has its own way.
+    """Figure that a notebook shows at the end of a cell, without pyplot.
 
-    It is drawn with the settings with which it was made, whatever those of the user are.
+    It is drawn with the settings with which it was made, not with those of the user.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -178,7 +178,7 @@ class ShownFigure(Figure):
 
 
 class SpacedLocator(AutoLocator):
-    """Ticks across, so few that their labels do not touch, however long and in whatever room."""
+    """Locator of horizontal ticks, few enough that their labels do not touch."""
 
     def __call__(self) -> list[float]:
         """Return the positions of the ticks."""
@@ -204,10 +204,10 @@ def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
 
 
 NICE = (1, 2, 2.5, 5, 10)
-"""First digits of the distances of ticks."""
+"""First digits of the distance between ticks."""
 
 LABEL_SPACING = 0.6
-"""Between labels, in sizes of the letters."""
+"""Gap between labels, relative to the size of letters."""
 
 SHARP = 96
-"""Per inch on a screen."""
+"""Pixels per inch on a screen."""

@@ -1,4 +1,4 @@
-"""The result as files: JSON, CSV tables, the report; whole or absent."""
+"""A result as files: JSON, CSV tables and the report, written whole or not at all."""
 
 import hashlib
 import itertools
@@ -21,19 +21,19 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, explanation_of
 from tgospa_eval.problem.solution import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.states import ONE, assigned, spare
+from tgospa_eval.quoting import as_unicode, option
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, PairProof
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show.charts import pictures
-from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.chart_list import pictures
 from tgospa_eval.show.style import FILES
-from tgospa_eval.text import as_unicode, option
+from tgospa_eval.show.table_text import csv_text
 from tgospa_eval.tracks.places import EARTH, on_earth
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
-"""Contents by name; a path is of a file that is taken as it is."""
+"""Contents by name; a path means a file with that content."""
 
 PICTURES = tuple(FILES)
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
@@ -41,21 +41,21 @@ AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Contents of one kind of folder.
+    """Contents and names of one kind of folder.
 
     Parameters
     ----------
     name : str
-        What it is called in the manifest.
+        Name of the kind in the manifest.
     document : str
-        The file that goes first and comes last, so that it never stands beside files of another
+        File that is removed first and written last, so that it is never next to files of another
         run.
     names : collection of str
-        Files that are looked for before any work is done: those of others are not written over.
+        Files to check before any work is done, because files of other origin are not overwritten.
     log : str, optional
-        A file by which the folder is known even without a manifest, and which stays.
+        File that identifies the folder even without a manifest, and that is kept.
     opens : tuple of str
-        What to open, the first that there is.
+        Names of files to open; the first existing one is recommended.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Check whether the folder is of this kind; the content of its log is for its reader."""
+        """Check whether the folder is of this kind; readers of the log check its content."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
@@ -75,7 +75,7 @@ class Kind:
 
 
 WORK_FOLDER = "work"
-"""Folder in which a result of data in parts is made: an interrupted run goes on there."""
+"""Subfolder for the work on data in parts, from which an interrupted run continues."""
 
 WORK_LOG = f"{WORK_FOLDER}/run.json"
 
@@ -136,19 +136,19 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     Parameters
     ----------
     folder : str
-        Where.
+        Path of the folder.
     kind : Kind, optional
-        A folder of this kind may be written anew.
+        Kind of folder that may be overwritten.
     force : bool
-        Whether it may hold whatever it does.
+        Whether the folder may have any content.
     subject : str
-        What messages begin with; by default the option of the folder.
+        Beginning of messages; by default the option of the folder.
 
     Raises
     ------
     ConfigError
-        The path is a file, or looks like the name of one; or the folder holds anything but what an
-        older run of this kind wrote, without `force`.
+        The path is a file or looks like the name of a file. Or, without `force`, the folder holds
+        files that are not from an earlier run of this kind.
     """
     subject = subject or option("output")
     if not folder:
@@ -173,14 +173,14 @@ def probe_folder(
     subject: str = "",
     also: Collection[str] = (),
 ) -> None:
-    """Run `check_folder`, and check that files can be made where `write_texts` makes them.
+    """Run `check_folder`, and check that files can be created where `write_texts` creates them.
 
-    `also` are names of files that will be there beside those of all of this kind.
+    `also` are names of files to write in addition to the files of every folder of the kind.
 
     Raises
     ------
     ConfigError
-        As for `check_folder`, or nothing can be written there, or only over files of others.
+        `check_folder` fails, nothing can be written there, or only over files of other origin.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -206,17 +206,17 @@ def write_texts(
     force: bool,
     subject: str = "",
 ) -> str:
-    """Write the files of a folder, in place of the files of an older run of the same kind.
+    """Write the files of a folder, instead of the files of an earlier run of the same kind.
 
-    A new folder appears whole. In one that is there, the old document goes before anything else
-    changes and the new one comes last; of two runs that write it at once one waits. Those of a
-    kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
-    replaced only by force. Returns what was written, in a sentence.
+    A new folder appears whole. In an existing folder the old document is removed before any other
+    change, and the new document is written last. If two runs write it at once, one waits. A folder
+    of a kind gets a manifest. Files that differ from the manifest or are not in it are never
+    removed, and are replaced only with `force`. Returns a sentence about the written files.
 
     Raises
     ------
     ConfigError
-        As for `check_folder`, or the folder cannot be written, or only over files of others.
+        `check_folder` fails, the folder cannot be written, or only over files of other origin.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -224,7 +224,7 @@ def write_texts(
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
-        if files is None:  # another process may have made it just now
+        if files is None:  # the path exists, maybe since another process made it
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [name for name, *_ in files]
@@ -238,18 +238,18 @@ def write_texts(
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
-    """Have a file at another place as well; without a copy if it was made in the folder of work."""
+    """Put a file into another place: a link if it is in the folder of work, otherwise a copy."""
     if work in file.resolve().parents:
         with suppress(OSError):  # some file systems have no links
             os.link(file, place)
             return
-    import shutil  # lazy: it brings compression
+    import shutil  # lazy: it imports compression
 
     shutil.copyfile(file, place)
 
 
 def _check_name(folder: str, subject: str) -> None:
-    """Refuse a new folder that is called like a file, which is a misunderstanding.
+    """Refuse a new folder with a name like that of a file, which is probably a mistake.
 
     Raises
     ------
@@ -267,12 +267,12 @@ def _check_name(folder: str, subject: str) -> None:
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
-    """Check that all files of these names are as a run of this kind wrote them.
+    """Check that all existing files of these names are as a run of this kind wrote them.
 
     Raises
     ------
     ConfigError
-        A file of one of the names was not written by such a run, or was changed since.
+        A file was not written by such a run, or has changed since.
     """
     own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
     for name in names:
@@ -304,7 +304,7 @@ def _write_all(texts: Files, folder: Path, kind: Kind | None) -> Collection[mani
 def _write_new(
     texts: Files, path: Path, kind: Kind | None, where: str
 ) -> Collection[manifest.FileEntry] | None:
-    """Write a folder beside, then rename it; None if another one has come up meanwhile."""
+    """Write a folder under a temporary name and rename it; return None if the folder exists."""
     try:
         with writing(path, where) as beside:
             return _write_all(texts, beside, kind)
@@ -317,9 +317,9 @@ def _write_new(
 def _write_over(
     texts: Files, path: Path, kind: Kind | None, where: str | None
 ) -> tuple[int, Collection[manifest.FileEntry]]:
-    """Write into a folder that is there; how many files of an older run were taken away, and files.
+    """Write into an existing folder; return the number of removed old files, and the files.
 
-    `where` begins a refusal to write over files of others; without it they are replaced.
+    `where` begins the message that refuses to overwrite other files; None overwrites them.
     """
     import shutil
 
@@ -354,9 +354,9 @@ def result_texts(
     Parameters
     ----------
     result : Evaluation
-        What they show.
+        Result to write.
     names : pair of str
-        What truth and estimate are called in the report.
+        Names of truth and estimate in the report.
     """
     from tgospa_eval.show.html import page  # lazy: for folders only
 
@@ -395,26 +395,26 @@ def check_file(
     inputs: Iterable[str] = (),
     suffixes: Collection[str] = (),
 ) -> str:
-    """Check that a file may be written there; return its ending.
+    """Check that a file can be written, and return its suffix.
 
     Parameters
     ----------
     path : str
-        The file.
+        Path of the file.
     subject : str
-        What messages begin with; by default the option of the folder.
+        Beginning of messages; by default the option of the folder.
     force : bool
-        Whether it may be there.
+        Whether the file may exist.
     inputs : iterable of str
-        What is read, or written as well.
+        Files that the command also reads or writes.
     suffixes : collection of str
-        Those that it may have; any by default.
+        Suffixes that the file may have; by default any.
 
     Raises
     ------
     ConfigError
-        A folder or, without `force`, a file of the name is there, or its folder is not; it is one
-        of the `inputs`, or has another ending.
+        The path is a folder, exists without `force`, is in a missing folder or among the `inputs`,
+        or has another suffix.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -447,7 +447,7 @@ def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, forc
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
-    """Return the pictures of a result folder; see `pictures`."""
+    """Return the pictures of a result folder by name; see `pictures`."""
     parts = " in parts" if isinstance(result, PartitionedResult) else ""
     return pictures(f"result{parts}", result, *wanted)
 
@@ -455,7 +455,7 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 def association_files(
     pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
-    """Return the page, table and, with the extra, picture of an association, by name."""
+    """Return the page, table and, if the extra is installed, picture of an association, by name."""
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
     files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
@@ -468,28 +468,28 @@ def association_files(
 
 
 NO_NAME = "%20"
-"""Folder of objects without a class: no name is quoted so."""
+"""Folder of objects without a class; quoting gives no class this name."""
 
 LONGEST_NAME = 200
-"""Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
+"""Characters of a class name in the name of a folder: with a digest they fit into 255."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
-    """Return the files of a proof folder, or of one for each class, by path in it.
+    """Return the files of a proof folder, or of one for each class, by relative path.
 
     Parameters
     ----------
     result : Evaluation
-        Of one evaluation, or of several classes.
+        Result of one evaluation, or of several classes.
     options : mapping of str to object
-        How the files were read and compared: `Request` that are no defaults.
+        Options of reading and comparing (`Request`) that differ from their defaults.
 
     Raises
     ------
     ConfigError
-        A proof folder cannot hold what was evaluated.
+        A proof folder cannot hold this kind of evaluation.
     SolverError
-        A checker finds that a folder does not prove what it claims.
+        A checker finds that a folder does not prove its claim.
     """
     from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
 
@@ -523,7 +523,7 @@ def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[st
 
 
 def folder_name(name: str) -> str:
-    """Make a name of the user the name of a folder; different names stay different."""
+    """Turn a user's name into the name of a folder; different names stay different."""
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
@@ -538,9 +538,9 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
     Raises
     ------
     ConfigError
-        The folder cannot be written, or holds files of others, or cannot hold the result.
+        The folder cannot be written, holds other files, or cannot hold the result.
     SolverError
-        A checker finds that it does not prove what it claims.
+        A checker finds that the folder does not prove its claim.
     """
     from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
 
@@ -550,19 +550,19 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
 
 
 # -------------------------------------------------------------------------------------------------
-# A result as GeoJSON (RFC 7946): tracks, misses, false targets, errors and switches on a map.
+# A result as GeoJSON (RFC 7946): tracks, missed and false targets, errors, switches on a map.
 
 ROLES = ("truth", "estimate")
 UNASSIGNED = ("missed", "false")
 
 
 def geojson(result: Evaluation) -> str:
-    """Return the text of all features; the property ``kind`` names the kind of each.
+    """Return the text of all features, with the kind of each in the property ``kind``.
 
     Raises
     ------
     ConfigError
-        The states are not on the Earth, or it is of data in parts.
+        The states are not on the Earth, or the result is of data in parts.
     """
     made: list[Json] = []
     parts = result.results if isinstance(result, EvaluationByClass) else {"": result}
@@ -647,7 +647,7 @@ def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> It
 
 
 def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield each state that is missed, or false."""
+    """Yield each state that is missed or false."""
     proof = result.proof
     _, entry, weight = assigned(proof.states, proof.weights)
     labels = result.labels.truths, result.labels.estimates
@@ -679,7 +679,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield each switch, where its truth is, or was last."""
+    """Yield each switch, at the position of its truth or its last position before."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

@@ -1,8 +1,7 @@
-"""The report as one page: words from a template, pictures by its script from packed data.
+"""Report as one page: text from a template, and pictures by its script from packed data.
 
-The page loads nothing: style, script and data are inside. Everything that comes from the user
-passes through the autoescape of the template, or through `tojson` as data that the script shows as
-text.
+The page loads nothing: style, script and data are inside. All text of the user passes through the
+autoescape of the template, or through `tojson` as data that the script shows as text.
 """
 
 import base64
@@ -21,13 +20,14 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
+from tgospa_eval.quoting import as_unicode
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import percent
 from tgospa_eval.sensors import Pairing
-from tgospa_eval.show import batch, rendering, result_text
-from tgospa_eval.show.charts import Pictures, pictures
+from tgospa_eval.show import batch, result_text, table_text
+from tgospa_eval.show.chart_list import Pictures, pictures
 from tgospa_eval.show.plot_data import PlotData, plot_data
 from tgospa_eval.show.study_table import NARROW
 from tgospa_eval.show.style import (
@@ -39,7 +39,6 @@ from tgospa_eval.show.style import (
     heat_shades,
     variables,
 )
-from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +59,7 @@ SCRIPTS = (
 """Files of the script, in order; they share one scope."""
 
 PLAIN = 300_000
-"""Bytes of arrays that are too few to be deflated."""
+"""Size in bytes up to which arrays are not compressed."""
 
 DISTANCE = "distance of assigned pairs"
 """Explanation of localisation, which has no count."""
@@ -72,9 +71,9 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
     Parameters
     ----------
     result : Evaluation
-        What to show.
+        Result to show.
     names : pair of str
-        What truth and estimate are called, as the paths of their files.
+        Names of truth and estimate, such as the paths of their files.
     """
     plotted, repaired = plot_data(result), explanation_of(result)
     return template("page.html.j2").render(
@@ -92,9 +91,9 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
     Parameters
     ----------
     pairing : Pairing
-        What to show.
+        Association to show.
     names : pair of str
-        What the sides are called, as the paths of their files.
+        Names of the sides, such as the paths of their files.
     """
     plotted = plot_data(pairing)
     return template("association.html.j2").render(
@@ -110,7 +109,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Return values that every page with views needs."""
+    """Return the values that every page with views needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -121,7 +120,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """Return values that every page of a result shows."""
+    """Return the values that every page of a result shows."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -134,7 +133,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "other_metrics": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
         "about_slices": list(result_text.about_slices(result.slicings, certified=result.certified)),
-        "summary": rendering.Table(
+        "summary": table_text.Table(
             head=("", ""), rows=[*result_text.summary_of(result)], align="ll"
         ),
         "seconds": {
@@ -150,7 +149,7 @@ USED_BY_TEMPLATES = {
     "number": number,
     "percent": percent,
     "share": result_text.share,
-    "orders": rendering.ORDERS,
+    "orders": table_text.ORDERS,
     "shown_slices": result_text.shown_slices,
     "of_expected": batch.of_expected,
     "tracks": len(TRACK_COLOURS),
@@ -174,28 +173,29 @@ def template(name: str) -> jinja2.Template:
 
 
 def still_page(name: str, more_style: str = "", **values: object) -> str:
-    """Return a page without a script, by its template; `more_style` follows the common style."""
+    """Return a page without a script from its template; `more_style` follows the common style."""
     style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
     return as_unicode(template(name).render(style=style, **values))
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Return pictures of a kind in `CHARTS` by name, SVG as base64 text; none unless it draws."""
+    """Return pictures of a kind in `CHARTS` by name, SVG as base64 text; empty without `draws`."""
     made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
     return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
 
 def inlined(name: str) -> str:
-    """Return the text of a file beside the templates, as it stands."""
+    """Return the unchanged text of a file in the folder of the templates."""
     return Path(__file__).with_name("page").joinpath(name).read_text(encoding="utf-8")
 
 
 def packed(arrays: dict[str, Ints]) -> str:
     """Encode the arrays one after the other as base64 text.
 
-    Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
-    what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
-    when the page is loaded: browsers inflate later. Deflated text is shorter than the arrays.
+    The code has 32-bit differences of neighbours, with the sign in the lowest bit, and all lowest
+    bytes first. Regular data become zeros, which compress well. Small data are not compressed, so
+    that they are drawn when the page is loaded: browsers decompress later. Compressed text is
+    shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -205,14 +205,14 @@ def packed(arrays: dict[str, Ints]) -> str:
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     data = b"".join(planes)
     if len(data) > PLAIN:
-        # Only runs are compressed, as the rest is noise: the same size in a third of the time.
+        # Only runs are compressed, because the rest is noise: the same size in a third of the time.
         packer = zlib.compressobj(strategy=zlib.Z_RLE)
         data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
 
 
 def page_colours() -> str:
-    """Return colours of all pictures as a style; paper is white."""
+    """Return colours of all pictures as a style; printed pages are white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -262,18 +262,18 @@ def card(result: Evaluation) -> str:
     return template("card.html.j2").render(result=result, notes=notes, rows=rows, colours=LIGHT)
 
 
-def document_page(document: rendering.Document, kind: str, subject: Any, *, draws: bool) -> str:
-    """Return a report as a page, with pictures of a kind in `CHARTS` if it draws any."""
+def document_page(document: table_text.Document, kind: str, subject: Any, *, draws: bool) -> str:
+    """Return a report as a page, with pictures of a kind in `CHARTS` if `draws`."""
     shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
     return still_page("document.html.j2", document=document, version=__version__, images=named)
 
 
 # -------------------------------------------------------------------------------------------------
-# The page of a batch: ranking and certainty, jobs, parts, values over time.
+# Page of a batch: ranking and certainty, jobs, parts, values over time.
 #
-# Words and numbers from a template, without a script; the page loads nothing. Everything that comes
-# from the user passes through the autoescape of the template.
+# The page has text and numbers from a template, no script, and loads nothing. All text of the user
+# passes through the autoescape of the template.
 
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of parameters."""
@@ -283,13 +283,13 @@ MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Estimates that are compared each with each, at most; of more every one is with the next."""
+"""Largest number of estimates with all pairs compared; with more, only neighbours are compared."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
-    """Return the whole page, with curves if it draws any."""
+    """Return the page of a batch, with curves if `draws`."""
     rows, ranked = tables.rows, tables.rankings
-    # With several sets of parameters the batch has none of its own.
+    # A batch with several sets of parameters has no single ranking.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
@@ -302,7 +302,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
         title=_title(tables, ranking),
         sentence=""
         if ranking is None
-        else rendering.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
+        else table_text.order_in_words(ranking.value, ranking.entries, ranking.comparisons),
         failed=len(failed),
         unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
         rankings=[_ranking(tables, one) for one in ranked],
@@ -344,7 +344,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """Return names of the estimates and of the ground truth, as they were given."""
+    """Return the names of the estimates and of the ground truth, as they were given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -375,7 +375,7 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
             "name": name,
             "track": tables.compared[name],
             "place": ranking.place(entry),
-            "statistical": rendering.place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "statistical": table_text.place_in_words(*(entry["statistical_place"] or (0, 0))),
             "per_step": tables.between(per_step),
             "sure": tables.between(sure, 4) if sure else "",
         }
@@ -401,13 +401,13 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
 
 
 def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str]:
-    """Return the left end and width in percent."""
+    """Return the left end and the width in percent."""
     left, right = place(interval.lower), place(interval.upper)
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """Yield all pairs of few entries, else the pairs of neighbours."""
+    """Yield all pairs of a few entries, or the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
@@ -418,7 +418,7 @@ def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
 def _costliest(
     tables: batch.BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
-    """Yield the jobs with the largest cost per step, of each set of parameters."""
+    """Yield the jobs with the largest cost per step, for each set of parameters."""
     if len(valued) < 2:
         return
     each = valued["total"] / valued["judged.steps"].clip(lower=1)
@@ -447,7 +447,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """Return inputs and settings of the evaluation, a line each."""
+    """Return inputs and settings of the evaluation, one line each."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:
@@ -458,5 +458,5 @@ def _settings(tables: batch.BatchTables) -> dict[str, str]:
             value = values[0]
             settings[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
-            settings[name] = "as each job has it"
+            settings[name] = "different between jobs"
     return {str(k): str(v) for k, v in tables.settings["options"].items()} | settings

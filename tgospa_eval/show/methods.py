@@ -1,4 +1,4 @@
-"""Paragraph for a paper: the metric, its parameters, the data, and the proven bounds.
+"""Paragraph for a paper: the metric, its parameters, the data and the proven bounds.
 
 Keys of citations are those of the BibTeX in docs/reference/cite.md.
 """
@@ -6,8 +6,8 @@ Keys of citations are those of the BibTeX in docs/reference/cite.md.
 from typing import cast
 
 from tgospa_eval.common.words import counted, number
+from tgospa_eval.quoting import visible
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.text import visible
 
 TOOL, METRIC = "tgospa-eval", "garciafernandez2020metric"
 
@@ -16,7 +16,7 @@ MEMBERS = {
     "step_weights": ("weights of the steps", "garciafernandez2021timeweighted"),
     "existence": ("probabilities of existence", "xia2025probabilistic"),
 }
-"""Members of the family, by the parameter that makes them: the words, and whom to cite."""
+"""Members of the metric family by their parameter: description, and key of the paper."""
 
 GRIDS = {
     "union": "at which either side has a state",
@@ -27,7 +27,7 @@ GRIDS = {
 
 
 def methods(result: Evaluation) -> str:
-    """Return the paragraph."""
+    """Return the paragraph for a paper about this evaluation."""
     left_out = [result.exclusions.capitalize()] if result.exclusions else []
     parts = _metric(result), _data(result), *left_out, _value(result), _origin(result)
     return visible(f"{'. '.join(parts)}.") + "\n"
@@ -47,7 +47,7 @@ def _metric(result: Evaluation) -> str:
         f"sub-pattern assignment (TGOSPA) metric {_cited(METRIC)}{family * bool(members)}, with "
         f"{result.parameters_in_words(result.labels.unit)}, and the "
         f"{settings['distance']} distance of the states ({columns})"
-        + ", of each class by itself, and the costs added"
+        + ", separately for each class, and the costs were added"
         * (settings.get("by") == "class")
     )
 
@@ -70,7 +70,7 @@ def _value(result: Evaluation) -> str:
         f"{name} {number(getattr(result, name), 6)}"
         for name in ("localisation", "missed", "false", "switch")
     )
-    return f"{result.claim} ({result.proven}), of which the costs to the power p are {costs}"
+    return f"{result.claim} ({result.proven}); its costs to the power p are {costs}"
 
 
 def _origin(result: Evaluation) -> str:

@@ -1,7 +1,7 @@
-"""Plain data for the page and pictures of a result: costs, lanes, positions, events.
+"""Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
-A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
-other, or to none. Rows are its states, thinned where there are very many, but never an event.
+A lane is a trajectory. Its runs are stretches of steps with the same partner or without one.
+Rows are its states; if there are very many, some are left out, but no event.
 """
 
 import math
@@ -22,67 +22,67 @@ from tgospa_eval.evaluation.pair import EvaluationByClass, PairEvaluation, expla
 from tgospa_eval.formats.headers import BOX
 from tgospa_eval.problem.solution import Windows, read_switches
 from tgospa_eval.problem.states import ONE
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, SPREAD, Columns, Json, Time, costliest
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show.time_axis import TimeAxis, describe_times, readable
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
 Rows: TypeAlias = dict[str, NDArray[Any]]
 """States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
 
-``other`` is the track of the other side to which the largest part of it is assigned, `NONE` or
-`FREE`, ``unjudged`` whether it is ignored, or excused, and ``shared`` whether that is a part only;
-``error`` the distance to it as a fraction of the cutoff, 1 where it is unassigned; ``state``
-(R, d), with d = 0 where the states are unknown; ``spread`` (R, d (d + 1) / 2) lower triangles of
-covariances, (R, 0) of points; ``cloud`` the number of its cloud of particles, or `NONE`.
+``other`` is the track of the other side with the largest part of the assignment, `NONE` or `FREE`.
+``unjudged`` is true for ignored or excused states, and ``shared`` for assignments in part.
+``error`` is the distance to ``other`` as a fraction of the cutoff, 1 for unassigned states.
+``state`` is (R, d), with d = 0 if the states are unknown. ``spread`` (R, d (d + 1) / 2) has lower
+triangles of covariances, (R, 0) for points. ``cloud`` is the number of the cloud, or `NONE`.
 """
 
 VALUES = 800_000
-"""Coordinates that are drawn; beyond, tracks are thinned."""
+"""Largest number of drawn coordinates; tracks with more are thinned."""
 
 COARSEST = 50
-"""Steps between positions from which on thinning saves little: what is left are events."""
+"""Stride above which thinning saves little, because mostly events are left."""
 
 LEVELS = 1 << 16
-"""Steps into which the extent of a coordinate is divided."""
+"""Number of levels of a coordinate on the page."""
 
 ERRORS = 1000
-"""Steps into which the cutoff is divided."""
+"""Number of levels of an error on the page, up to the cutoff."""
 
 FARTHEST_NORTH = 88.0
-"""Degrees of latitude up to which maps have equal scales."""
+"""Largest latitude in degrees for maps with equal scales."""
 
 TIME = "t"
-"""The time as an axis of the plane."""
+"""Name of the time as an axis of the plane."""
 
 FARTHEST = 1e300
-"""Largest coordinate in the plane: matplotlib takes differences of coordinates."""
+"""Largest coordinate in the plane, because matplotlib subtracts coordinates."""
 
 FARTHEST_LEVEL = 1 << 29
-"""Largest level on the page: differences of two fit into 32 bits."""
+"""Largest level on the page, so that differences of two levels fit into 32 bits."""
 
 PARTICLES = 100_000
-"""Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
+"""Largest number of drawn particles; with more, clouds get fewer, then fewer steps have clouds."""
 
 MIN_PARTICLES, MAX_PARTICLES = 10, 200
-"""Particles of a cloud that are drawn: at least, if it has so many, and at most."""
+"""Smallest number of drawn particles of a cloud that has so many, and largest number."""
 
 SHARES = 10_000
-"""Parts into which the weight of a cloud is divided."""
+"""Number of levels of the weight of a cloud on the page."""
 
 NONE, FREE = -1, -2
-"""No other: missed or false, and what is not judged and costs nothing."""
+"""Partner of states that are missed or false, and of states without cost that are not judged."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
-"""Cost of a track of either side where it is unassigned."""
+"""Name of the cost of unassigned states of either side."""
 
 RUN = ("track", "begin", "end", "other")
-"""Fields of each stretch of one assignment."""
+"""Fields of each stretch of steps with one partner."""
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
@@ -91,7 +91,7 @@ def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tupl
     Raises
     ------
     ConfigError
-        `requested` names an unknown column, or not exactly two.
+        `requested` names an unknown column, or not exactly two columns.
     """
     boxes = is_box(known)
     names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
@@ -115,16 +115,16 @@ class SideData:
     Parameters
     ----------
     name : str
-        ``"truth"`` or ``"estimate"``.
+        Side, ``"truth"`` or ``"estimate"``.
     table : dict
-        Of each track its id, costs, counts and steps.
+        Id, costs, counts and steps of each track.
     run : dict
-        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
+        Runs by track and step: ``track``, ``begin``, ``end``, ``other``.
     row : dict
-        The states that are drawn.
+        States that are drawn.
     particles : dict
-        Particles that are drawn, by ``row``: ``state`` (P, d), and the ``weight`` of its cloud that
-        each stands for.
+        Drawn particles by ``row``: ``state`` (P, d), and ``weight``, the share of the cloud that
+        each particle represents.
     """
 
     name: str
@@ -135,13 +135,13 @@ class SideData:
 
     @cached_property
     def ids(self) -> list[str]:
-        """Ids of the tracks, with the class in front where classes are evaluated separately."""
+        """Ids of the tracks, after the name of the class if classes are evaluated separately."""
         ids, classes = self.table["id"], self.table.get("class")
         return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
 
     @property
     def unassigned(self) -> Ints:
-        """Rows that are missed, or false."""
+        """Rows that are missed or false."""
         return np.flatnonzero(self.row["other"] == NONE)
 
 
@@ -152,14 +152,14 @@ class PlotData:
     Parameters
     ----------
     document : Json
-        Each of its ``times`` begins a stretch of ``together`` steps, of which ``costs`` and
-        ``counts`` are means, and ``curve`` is that of its last step; where these are several,
-        ``worst`` has the costliest steps. ``stretch`` is that of a map. ``spread`` says how the
-        numbers of ellipses are to be read; it is empty where there are none. ``particles`` says how
-        many of each side are drawn, of how many. ``words`` is how sides and parts are called.
+        Each of its ``times`` begins a stretch of ``together`` steps. ``costs`` and ``counts`` are
+        means over the stretch, and ``curve`` is its last step. With longer stretches ``worst`` has
+        the costliest steps. ``stretch`` is that of a map. ``spread`` has the scales of ellipses, if
+        any. ``particles`` has the numbers of drawn and of all particles of each side. ``words``
+        has the names of sides and parts.
     arrays : dict of str to int array
-        Whole numbers by name, as long as the data.
-    truth, estimate : DrawnSide
+        Integers by name, as long as the data.
+    truth, estimate : SideData
         The tracks.
     about : str
         Value and parameters in words.
@@ -173,7 +173,7 @@ class PlotData:
 
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
-        """Values of each side's rows for the plane: columns, centres of boxes, the time."""
+        """Values of the rows of each side in the plane: columns, centres of boxes and time."""
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
@@ -182,7 +182,7 @@ class PlotData:
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """Return values that the plane can show of states (R, d) at these steps."""
+        """Return the columns in the plane for states (R, d) at these steps."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
         shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
         return shown | {TIME: self.time.at[step]} if shown else {}
@@ -211,7 +211,7 @@ _MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
 
 
 def plot_data(result: Evaluation | Pairing) -> PlotData:
-    """Return the data that page and pictures draw, made once for each result."""
+    """Return the data for page and pictures, made once for each result."""
     if result not in _MADE:
         if isinstance(result, Pairing):
             _MADE[result] = _association_data(result)
@@ -223,7 +223,7 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 def _result_data(result: Evaluation) -> PlotData:
     """Return the data for the page and pictures of a result.
 
-    Numbers of tracks count those of all classes one after the other, as the tables do.
+    Tracks of all classes are numbered one after the other, as in the tables.
     """
     whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
     parts = [part for part in whole if isinstance(part, PairEvaluation)]
@@ -246,13 +246,13 @@ def _result_data(result: Evaluation) -> PlotData:
 
 WORDS = {"truth": "A", "estimate": "B", "localisation": "distance"}
 WORDS |= {"missed": "A alone", "false": "B alone"}
-"""How an association calls sides and parts."""
+"""Names of sides and parts of an association."""
 
 
 def _association_data(pairing: Pairing) -> PlotData:
     """Return data to draw an association: sides as truth and estimate, costs of order 1.
 
-    Each state that stays alone costs half a cutoff, each pair its distance.
+    Each unassociated state costs half a cutoff, and each pair its distance.
     """
     sides, steps = pairing.sides, len(pairing.first.times)
     power = getattr(pairing.distance, "power", 2.0)
@@ -299,9 +299,9 @@ def data_of_sides(
     document: Json,
     about: str,
 ) -> PlotData:
-    """Return data to draw the rows of both sides; their clouds lie one behind the other.
+    """Return data to draw the rows of both sides, with the clouds of each side in sequence.
 
-    `tables` are those of the tracks; `document` says what is drawn over time.
+    `tables` are those of the tracks, and `document` has the data over time.
     """
     rows = {name: side for name, (side, _) in given.items()}
     runs = {name: _runs(side) for name, side in rows.items()}
@@ -314,7 +314,7 @@ def data_of_sides(
     arrays: dict[str, Ints] = {}
 
     def coded(state: Floats, axis: int) -> Ints:
-        # halves, as the difference of two large numbers may overflow
+        # halves, because differences may overflow
         value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
         return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
 
@@ -377,8 +377,8 @@ def data_of_sides(
 def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
     """Return particles of the clouds at every `every`-th step.
 
-    Where a cloud has more than there is room for, systematic resampling from the middle of each
-    slot chooses them: each stands for the weight of the slots that fall on it.
+    If a cloud has too many particles, systematic resampling from the middle of each slot selects
+    some. Each has the weight of the slots that fall on it.
     """
     particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
@@ -390,7 +390,7 @@ def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         points, weights = clouds[part][int(row["cloud"][k] - first[part])]
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
-        if len(points) > 1:  # a single one is a point
+        if len(points) > 1:  # a single particle is a point
             particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
     return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
@@ -407,7 +407,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """Return state columns by name, of boxes with their centres."""
+    """Return the columns of axes, with centres if the states are boxes."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -415,13 +415,13 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Return the length of a degree of latitude over one of longitude, at the mean latitude."""
+    """Return a degree of latitude divided by a degree of longitude, at the mean latitude."""
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """Return (cost / n) ^ (1/p) of each part of each window, n its steps of the horizon."""
+    """Return (cost / n)^(1/p) of each part of each window, where n is its number of steps."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -436,7 +436,7 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """Return one side of all parts, tracks numbered through; and its clouds."""
+    """Return the rows of one side in all parts, with tracks numbered in sequence; and clouds."""
     none = np.zeros(0, np.int64)
     tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
@@ -454,7 +454,7 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
     wide = max(rows["spread"].shape[1] for rows in tables)
-    for rows in tables:  # states of some parts may be points, without a spread
+    for rows in tables:  # some parts may have points without a spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
     return {name: np.concatenate([rows[name] for rows in tables]) for name in tables[0]}, clouds
@@ -475,7 +475,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and is kept
+    order = np.argsort(weight, kind="stable")  # the largest weight of a row comes last and is kept
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -499,7 +499,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Return rows with these states and the shapes around them, sorted by track."""
+    """Return rows with these states and their shapes, sorted by track."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -522,11 +522,11 @@ def _runs(side: Rows) -> tuple[Ints, Ints]:
 def _thinned(
     sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
-    """Return the stride that draws about `VALUES` coordinates, and the rows by side."""
+    """Return the stride for about `VALUES` drawn coordinates, and the rows of each side."""
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
-        # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
+        # Steps of thinned rows are irregular, so they are stored like a coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
@@ -535,7 +535,7 @@ def _thinned(
 
 
 def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
-    """Return rows to draw: every so many steps, ends of runs, and all that is unassigned."""
+    """Return rows to draw: every `stride` steps, ends of runs, and all unassigned states."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
     keep = (side["step"] % stride == 0) | (side["other"] == NONE)
@@ -549,16 +549,16 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    # column by column: along the first axis of a narrow array it takes ten times as long
+    # by columns, which is ten times faster on a narrow array
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
 def _tracks(result: Evaluation, side: str) -> Columns:
-    """Return the columns of a table of tracks, named alike for both sides, with the total.
+    """Return the table of tracks with the same column names for both sides, and the total.
 
-    Of data in parts the costliest tracks.
+    For data in parts the table has the costliest tracks.
     """
     kind = KINDS[side]
     if isinstance(result, PartitionedResult):
@@ -616,33 +616,33 @@ def _repairs(result: Evaluation) -> Columns:
 # Ellipses, and data over time, thinned if there are many steps.
 
 NUMBERS = 150_000
-"""Numbers of covariances that are encoded; beyond, those of every so many steps."""
+"""Largest number of encoded numbers of covariances; with more, steps are left out."""
 
 FINE = 50
-"""Levels of a deviation for a factor of e: 2 % each."""
+"""Levels of a deviation for each factor of e: 2 % each."""
 
 INSIDE = 0.95
-"""Share of a normal distribution in what is drawn around a state."""
+"""Share of a normal distribution inside the drawn shape around a state."""
 
 RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - INSIDE)))
-"""Roots of the quantiles of chi-square of one and two degrees of freedom."""
+"""Roots of the quantiles of the chi-square distribution with one and two degrees of freedom."""
 
 FAINT = 1000
-"""The level of what is not seen beside the largest deviation, as 0."""
+"""Level of deviations that are invisible next to the largest, such as 0."""
 
 ANGLE = 64
-"""Levels of an angle for a radian."""
+"""Levels of an angle for each radian."""
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """Return scales of the packed numbers of both sides; empty without ellipses.
+    """Return the scales of the encoded covariances of both sides; empty without ellipses.
 
     Parameters
     ----------
     spreads : list of (R, d (d + 1) / 2) float arrays
-        Lower triangles; (R, 0) of points.
+        Lower triangles; (R, 0) for points.
     stride : int
-        Steps from one encoded position to the next.
+        Stride between encoded positions.
     """
     around = [spread for spread in spreads if spread.size]
     if not around:
@@ -662,9 +662,9 @@ def described(spreads: list[Floats], stride: int) -> Json:
 
 
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
-    """Return arrays by name: encoded rows, sorted by track, and each of the entries.
+    """Return the encoded rows, sorted by track, and the levels of each entry, by name.
 
-    Those of every so many steps, and the first and the last of each track.
+    Encoded are every `how["stride"]` steps, and the first and the last row of each track.
     """
     if not spread.size:
         return {}
@@ -678,7 +678,7 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 
 
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
-    """Return lower triangles (K, d (d + 1) / 2) as whole numbers, an array for each entry."""
+    """Return lower triangles (K, d (d + 1) / 2) as integers, an array for each entry."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     diagonal = rows == columns
     deviation = deviations(spread[:, diagonal])
@@ -686,30 +686,30 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
         size = -FINE * np.log(deviation / largest)
         correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
         level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
-    # Without a deviation there is no logarithm and no correlation.
+    # A deviation of 0 has neither a logarithm nor a correlation.
     level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
     return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
 
 def deviations(variances: Floats) -> Floats:
-    """Return square roots of variances; overflowed ones have no picture."""
+    """Return square roots of variances, 0 for variances that overflowed."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
 MAX_STRETCHES = 600
-"""Stretches of steps that are drawn of data in parts."""
+"""Largest number of drawn stretches of steps for data in parts."""
 
 SHOWN_ROWS = 20
-"""Steps and tracks of data in parts that are listed."""
+"""Largest number of listed steps and tracks for data in parts."""
 
 
 def curves(result: Evaluation) -> dict[str, list[float]]:
-    """Return the normalised cumulative cost: the root of the mean cost of the steps up to each.
+    """Return the normalised cumulative cost: the root of the mean cost up to each step.
 
-    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
-    last value of ``total`` is `normalised`. Where the curve was asked for, costs are
-    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
-    of the steps 1..k from above.
+    The value is (sum_{l <= k} cost(l) / n(k))^(1/p), where n(k) is the number of steps up to k of
+    the horizon; the last value of ``total`` is `normalised`. If the curve was requested, costs are
+    those of an evaluation of the steps 1..k. Otherwise they are those of the assignment of the
+    whole recording, which bound the metric of the steps 1..k from above.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.curve_bounds is not None:
@@ -736,7 +736,7 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
-    """Return the first and costliest step of each of at most so many bins of equal length."""
+    """Return the first and costliest step of each of at most `max_bins` bins of equal length."""
     together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
@@ -745,7 +745,7 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """Return NEES of the first step of each stretch, with its own band, and ranks of particles."""
+    """Return the NEES and its band at the first step of each stretch, and ranks of particles."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {
@@ -758,7 +758,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """Return means over at most so many stretches of steps, and the curve at their ends."""
+    """Return means over at most `stretches` stretches of steps, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)

@@ -1,6 +1,6 @@
-"""A result in words: as text of 80 columns, with colours on a terminal, and as a document.
+"""A result in words: text of 80 columns, with colours on a terminal, and documents.
 
-The text is plain ASCII but for the user's own words. A terminal gets colours.
+The text is plain ASCII except for the user's own words. A terminal gets colours.
 """
 
 import os
@@ -16,6 +16,7 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.problem.solution import Windows
+from tgospa_eval.quoting import ending, option, visible
 from tgospa_eval.results.consistency import NEES, band_in_words
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
@@ -24,7 +25,7 @@ from tgospa_eval.results.slices import Slice, Slicing, in_order
 from tgospa_eval.results.summary import flat, percent
 from tgospa_eval.results.summary import rows as summary_rows
 from tgospa_eval.show.methods import methods
-from tgospa_eval.show.rendering import (
+from tgospa_eval.show.table_text import (
     INDENT,
     PART_HEADS,
     WIDTH,
@@ -41,14 +42,13 @@ from tgospa_eval.show.rendering import (
     text_lines,
     wrap,
 )
-from tgospa_eval.text import ending, option, visible
 
 if TYPE_CHECKING:
     from tgospa_eval.sensors import Pairing
 
 
 # -------------------------------------------------------------------------------------------------
-# Tables beside the parts of the cost: other metrics, covariances, slices. Computes nothing.
+# Tables next to the parts of the cost: other metrics, covariances, slices. Computes nothing.
 
 PARTS_SHOWN = {
     "hota": ("HOTA", ("DetA", "AssA", "LocA")),
@@ -56,7 +56,7 @@ PARTS_SHOWN = {
     "identity": ("IDF1", ("IDP", "IDR")),
     "gospa": ("total", ("localisation", "missed", "false")),
 }
-"""Value of each metric, and the numbers beside it."""
+"""Main value of each metric, and the numbers next to it."""
 
 COMPARED = {
     "hota": ("HOTA", "DetA", "AssA"),
@@ -64,13 +64,13 @@ COMPARED = {
     "identity": ("IDF1",),
     "gospa": ("total",),
 }
-"""Numbers of each metric that a ranking shows."""
+"""Numbers of each metric in a ranking."""
 
 SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
 COSTS = {"total", "localisation", "missed", "false"}
 LOW = {"IDSW", "total"}
-"""Numbers in a ranking of which the lower is the better, as of TGOSPA."""
+"""Numbers in a ranking that are better when lower, like TGOSPA."""
 
 
 def other_table(other: OtherMetrics) -> Table:
@@ -85,7 +85,7 @@ def other_table(other: OtherMetrics) -> Table:
 
 
 def similarity(other: OtherMetrics) -> Iterator[str]:
-    """Explain what HOTA, MOTA and IDF1 compare, if there is one of them."""
+    """Explain what HOTA, MOTA and IDF1 compare, if the result has any of them."""
     if "similarity" not in other:
         return
     zero, threshold = other["similarity"]["zero"], other["similarity"]["threshold"]
@@ -103,9 +103,9 @@ def grouped_table(
     records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """Yield a row for each of several records, with the names of each before it, if any.
+    """Yield a table with a row for each record, after the names of the record, if any.
 
-    Of rows that are `rivals` the best values stand out.
+    The best values of rows that are `rivals` are bold.
     """
     first = records[0] if records else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
@@ -132,7 +132,7 @@ def covariances_table(
 ) -> Iterator[Table]:
     """Yield the table of the NEES and the cost of covariances, if all have a NEES.
 
-    Items have the costs of means and of spreads, and the record of NEES.
+    Items have the costs of means and of spreads, and the record of the NEES.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
     if not records or any(record["mean"] is None for record in records):
@@ -150,7 +150,7 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """Return the least for the best: the values, or how far they are below the largest."""
+    """Return numbers whose smallest is the best: the values, or differences to the largest."""
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
 
@@ -167,7 +167,7 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 
 
 def direction(other: OtherMetrics) -> Iterator[str]:
-    """Explain which columns of a ranking are better when higher, and what they compare."""
+    """Explain which columns of a ranking are better when higher, and what the metrics compare."""
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
@@ -176,7 +176,7 @@ def direction(other: OtherMetrics) -> Iterator[str]:
 
 
 def other_columns(records: Sequence[OtherMetrics]) -> Columns:
-    """Return all numbers of the other metrics, a column each."""
+    """Return all numbers of the other metrics, one column for each."""
     return {
         f"{key}_{name}": [record[key][name] for record in records]
         for key, record in records[0].items()
@@ -201,20 +201,20 @@ def other_value(name: str, numbers: Mapping[str, float]) -> str:
 
 
 MAX_LISTED = 20
-"""Slices of a table; of more the costliest are shown."""
+"""Largest number of slices in a table, which has the costliest ones."""
 
 SLICE_HEAD = ("states", "total", "share", *PART_HEADS, "followed", "RMSE")
 
 
 def shown_slices(slicing: Slicing) -> list[Slice]:
-    """Return the costliest slices, in their order."""
+    """Return the costliest slices, in the order of the slicing."""
     costliest = sorted(slicing.slices, key=lambda one: -one.total)[:MAX_LISTED]
     kept = {id(one) for one in costliest}
     return [one for one in slicing.slices if id(one) in kept]
 
 
 def slices_table(slicing: Slicing) -> Table:
-    """Return a row for each slice: states of the truth in it, costs, the share of the whole."""
+    """Return a row for each slice: its states of the truth, its costs, its share of the total."""
     total = slicing.total
     shown = shown_slices(slicing)
     rows: list[Row] = [(one.name, *_cells(one, total)) for one in shown]
@@ -238,14 +238,14 @@ def _cells(one: Slice, total: float) -> list[str]:
 def group_tables(
     heads: Sequence[str], groups: Sequence[tuple[tuple[str, ...], Sequence[Slicing]]]
 ) -> Iterator[Table]:
-    """Yield a table for each attribute: of each slice one group below the other.
+    """Yield a table for each attribute, which lists the groups below each slice.
 
     Parameters
     ----------
     heads : sequence of str
-        What tells groups apart.
+        Names of the columns that distinguish groups.
     groups : sequence of tuple of str and slicings
-        Of each what it is called, and its slices.
+        Names of each group, and its slices.
     """
     for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
         by_name: dict[str, list[Row]] = {}
@@ -262,7 +262,7 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """Yield lines of the slices for a terminal."""
+    """Yield the lines of the slices for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
@@ -274,7 +274,7 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Explain by whose attribute a cost is in a slice, and whether that is the only split."""
+    """Explain which attribute puts a cost into a slice, and whether other splits exist."""
     if not slicings:
         return
     yield (
@@ -295,7 +295,7 @@ COUNTED = {
     "false": ("estimate-step without object", "estimate-steps without object"),
     "switch": ("track switch", "track switches"),
 }
-"""Units of the counts of parts: of one, and of any other number."""
+"""Units of the counts of parts: for one, and for any other number."""
 
 
 SPLIT_WORDS = {
@@ -304,7 +304,7 @@ SPLIT_WORDS = {
     "expected_localisation": "distances",
     "existence_mismatch": "mismatch",
 }
-"""Parts of localisation, which are shown below it."""
+"""Names of the parts of localisation, which are listed below it."""
 
 WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of its step")
 
@@ -318,13 +318,13 @@ UNCERTAIN = (
 
 
 def table(result: Evaluation) -> str:
-    """Return the result in words, for someone who sees it for the first time."""
+    """Return the result in words, for first-time readers."""
     shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
     return "\n\n".join(shown) + "\n"
 
 
 def blocks(result: Evaluation) -> dict[str, list[str]]:
-    """Return the lines of each block by name, none where it does not apply."""
+    """Return the lines of each block by name; a block that does not apply has no lines."""
     makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
@@ -356,7 +356,7 @@ def _headline(result: Evaluation) -> Iterator[str]:
 
 
 def meaning(result: Evaluation) -> list[tuple[str, str]]:
-    """Return the parameters by name, each in words."""
+    """Return the names of the parameters, each with an explanation."""
     parameters = result.proof.parameters
     p = parameters.order
     price = _power(parameters.switch_penalty, p)
@@ -379,12 +379,12 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
-        *((("w, e", result.exclusions),) if result.exclusions else ()),
+        *((("ignored", result.exclusions),) if result.exclusions else ()),
     ]
 
 
 def _unassigned(result: Evaluation) -> str:
-    """Return the cost of missed and of false targets."""
+    """Return the costs of missed and of false targets in words."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -408,7 +408,7 @@ def _power(value: float, order: float) -> str:
 
 
 def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield the name, cost, share and count of each part, and what is counted."""
+    """Yield the name, cost, share and count of each part, and the unit of the count."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
@@ -417,7 +417,7 @@ def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
 
 
 def part_table(result: Evaluation, before: str = "of which ") -> Table:
-    """Return the parts, those of localisation with a word in front, and their sum."""
+    """Return the parts and their sum; `before` precedes the names of the parts of localisation."""
     total = result.total
     rows: list[Row] = [row[:4] for row in part_rows(result)]
     rows[1:1] = [
@@ -439,7 +439,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """Return a report for Markdown and LaTeX: a small table, and all that was requested."""
+    """Return a report for Markdown and LaTeX: a small table, and all requested additions."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
@@ -479,11 +479,11 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "siunitx": lambda result: WRITERS["siunitx"](document(result)),
     "methods": methods,
 }
-"""Reports of a result by ``--format``; a member needs a line in the docs."""
+"""Reports of a result by ``--format``; the documentation has a line for each."""
 
 
 def class_table(result: Evaluation) -> Table | None:
-    """Return a row for each class, where they are evaluated separately."""
+    """Return a row for each class, if classes are evaluated separately."""
     columns = result.table("per_class")
     rows = [
         (name or "(blank)", *(number(value, 5) for value in values))
@@ -519,16 +519,16 @@ def _scale(result: Evaluation) -> Iterator[str]:
 
 
 def _summary(result: Evaluation) -> Iterator[str]:
-    """Yield numbers of tracking, a line for each kind."""
+    """Yield numbers of tracking, one line for each kind."""
     for name, words in summary_of(result):
         yield from wrap(f"  {name:<13}  {words}", " " * 17)
 
 
 def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
-    """Yield numbers of tracking, each with its name."""
+    """Yield the name and text of each number of tracking."""
     quantity = partial(result.quantity, digits=4)
     is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
-    place = quantity if is_length else partial(number, digits=4)  # the unit is that of the distance
+    place = quantity if is_length else partial(number, digits=4)  # in the unit of the distance
     dates = isinstance(next(iter(result.labels.times), 0), str)
 
     def time(value: float) -> str:
@@ -549,7 +549,7 @@ def similarity_in_words(result: Evaluation) -> str:
 
 
 def _curve(result: Evaluation) -> Iterator[str]:
-    """Yield the normalised curve at a few steps, the last one included."""
+    """Yield the normalised curve at a few steps, including the last."""
     table, bounds = result.table("curve"), result.curve_bounds
     if bounds is None or not table["t"]:
         return
@@ -560,13 +560,13 @@ def _curve(result: Evaluation) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
     first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
-    each = 13 if first == 13 else 11  # leaves room for long stamps
+    each = 13 if first == 13 else 11  # leaves room for long timestamps
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _windows(result: Evaluation) -> Iterator[str]:
-    """Yield the number of windows, and the worst of them."""
+    """Yield the number of windows, and the worst windows."""
     table, windows = result.table("windows"), result.window_bounds
     if windows is None or not table["t_first"]:
         return
@@ -586,14 +586,14 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """Say how many of several values are exact."""
+    """Return in words how many of several values are exact."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
 def _rooted(
     table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
-    """Return the name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    """Return the name, TGOSPA or its upper bound, and the parts of each chosen row."""
     return [
         (
             name,
@@ -605,7 +605,7 @@ def _rooted(
 
 
 def _disjoint(spans: Windows, order: Ints) -> list[int]:
-    """Return the first of some windows of which no two share a step."""
+    """Return the first windows in this order that share no step."""
     kept: list[int] = []
     for k in order.tolist():
         if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
@@ -632,7 +632,7 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Yield single repairs of the estimate that would save most, if they were requested."""
+    """Yield the single repairs of the estimate with the largest savings, if requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -645,7 +645,7 @@ WORST = {"steps": "worst steps", "truth": "worst objects", "estimates": "worst e
 
 
 def _worst(result: Evaluation) -> list[str]:
-    """Return the worst of each kind by name, on as many lines as they need."""
+    """Return the names of the worst steps, objects and estimates, on as many lines as needed."""
     worst = result.worst(SHOWN)
     rows = [
         (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in worst[kind]))
@@ -661,7 +661,7 @@ def _switches(result: Evaluation) -> Iterator[str]:
     if not count:
         return
     times = [visible(str(t)) for t in switches["t"]]
-    room = WIDTH - 6 - max(27, *map(len, times))  # beside the time and a colon
+    room = WIDTH - 6 - max(27, *map(len, times))  # next to the time and a colon
     rows = []
     for k, time in enumerate(times):
         ends = (switches[key][k] for key in ("from", "to"))
@@ -721,7 +721,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """Yield notes on how the savings are known, and that they do not add up."""
+    """Yield notes on the proof of the savings, and on why they do not add up."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is proven to save anything ({several} tried)"
@@ -754,7 +754,7 @@ def explanation_document(explanation: Explanation) -> Document:
 
 
 # -------------------------------------------------------------------------------------------------
-# The same for a terminal, with looks.
+# The same text with colours for a terminal.
 
 BOLD, DIM, GREEN, YELLOW = "1", "2", "32", "33"
 PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YELLOW}
@@ -774,7 +774,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """Return lines of a block in its style; most have none."""
+    """Return the lines of a block with its colours; most blocks have none."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -798,19 +798,19 @@ def _part(result: Evaluation, line: str) -> str:
 
 
 Spread = dict[str, float]
-"""Smallest, median and largest of some numbers, by these names: min, median, max."""
+"""Summary of numbers: ``min``, ``median`` and ``max``."""
 
 ROWS = 40
-"""Rows that a table on stdout shows at most."""
+"""Largest number of rows of a table on stdout."""
 
 ROUNDING = 1e-9
-"""Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
+"""Shift of a mean relative to the distance to the cloud, below which it is only rounding."""
 
 
 def association_text(
     pairing: "Pairing", *, rows: bool = True, limit: int = ROWS, rest: str | None = None
 ) -> str:
-    """Return the text of an association: counts, at most `limit` rows, and where the rest is."""
+    """Return the text of an association: counts, at most `limit` rows, and a hint to the rest."""
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B unassociated, in "
@@ -855,7 +855,7 @@ def _aligned(
     limit: int = ROWS,
     rest: str | None = None,
 ) -> list[str]:
-    """Return aligned columns; of many rows the first ones."""
+    """Return aligned columns of the first `limit` rows."""
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []
     if len(rows) > limit:

@@ -1,4 +1,4 @@
-"""Pictures of several evaluations: of `compare` from its documents, of sweeps and batches."""
+"""Pictures of several evaluations: documents of `compare`, sweeps and batches."""
 
 import itertools
 import math
@@ -21,8 +21,8 @@ from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.sweep import SweepEvaluation
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
+from tgospa_eval.show.draw_over_time import bars, name_times
 from tgospa_eval.show.figure_tools import figure, label, legend, literal, power, titled
-from tgospa_eval.show.overtime import bars, name_times
 from tgospa_eval.show.style import (
     COLOURS,
     FILLS,
@@ -38,10 +38,10 @@ from tgospa_eval.show.style import (
 from tgospa_eval.show.time_axis import ROOM, TimeAxis
 
 TALL = 1.4
-"""Height of a picture of lines, of one over time."""
+"""Height of a picture of lines, relative to a picture over time."""
 
 FLOOR = 1e-9
-"""Errors below count as none; they are drawn here."""
+"""Error below which errors count as zero and are drawn at this value."""
 
 SIZES = ("targets", "steps")
 
@@ -51,12 +51,12 @@ AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
 def _has_errors(*errors: Iterable[float | None]) -> bool:
-    """Check whether one of them is more than zero."""
+    """Check whether any error is larger than `FLOOR`."""
     return any(error is not None and error > FLOOR for each in errors for error in each)
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """Draw the errors of the bounds of `sinkhorn` against all runs' bounds, by temperature."""
+    """Draw errors of the bounds of `sinkhorn` against the bounds of all runs, by temperature."""
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
     entropic = [run["entropic"] or {} for run in runs]
@@ -88,7 +88,7 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """Draw the time over the error; bars of the time if there is no error."""
+    """Draw the time over the error, or bars of the time if there are no errors."""
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
@@ -145,18 +145,18 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
 
 
 def _legend(made: Figure, axis: Axes, columns: int) -> None:
-    """Draw the legend above the axes, of all labels in these axes."""
+    """Draw the legend of all labels in these axes above them."""
     handles, names = axis.get_legend_handles_labels()
     legend(made, handles, names, columns)
 
 
 def error_axis(axis: Axes, *, vertical: bool = True) -> None:
-    """Make a logarithmic axis of errors, by powers of ten, with a note at its end."""
+    """Make a logarithmic axis of errors, in powers of ten, with a note at its end."""
     which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # from one power of ten to another, as there may be none in between
+    # The ends are powers of ten, because there may be none between the limits.
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -171,7 +171,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
 
 
 def seconds_axis(which: Axis) -> None:
-    """Set a logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
+    """Set a logarithmic vertical axis of times with plain numbers: 0.2 instead of 2 * 10^-1."""
     which.axes.set_yscale("log")
     low, high = which.get_view_interval()
     subs = (1, 2, 5) if high < 300 * low else (1,)
@@ -181,7 +181,7 @@ def seconds_axis(which: Axis) -> None:
 
 
 def floored(error: float | None) -> float:
-    """Return an error that has a logarithm; none is not a number and leaves a hole."""
+    """Return an error of at least `FLOOR`; a missing error becomes NaN, a gap in the line."""
     return float("nan") if error is None else max(error, FLOOR)
 
 
@@ -190,17 +190,17 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# A scaling study.
+# Pictures of a scaling study.
 
 
 def _solved(document: Json) -> bool:
-    """Check whether a run succeeded and contradicts no other."""
+    """Check whether a run succeeded and no run contradicts another."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Draw errors over temperature, a line for each number of targets, at most steps."""
+    """Draw errors over temperature for the most steps, a line for each number of targets."""
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
     several = len(runs) > len(document["sizes"])
@@ -217,7 +217,7 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
-    """Draw time and error over targets at the most steps, and over steps at the most targets."""
+    """Draw time and error over targets (most steps), and over steps (most targets)."""
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
         return None
@@ -227,7 +227,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
         chosen = [size for size in sizes if size[fixed] == largest[fixed]]
         if len(chosen) > 1:
             rows.append((varied, fixed, sorted(chosen, key=itemgetter(varied))))
-    # A panel of errors is drawn where there are some.
+    # A panel of errors is drawn only if there are errors.
     with_errors = any(
         _has_errors(run["error"]["max"] for size in chosen for run in size["solvers"])
         for _, _, chosen in rows
@@ -261,7 +261,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Draw lines of the errors; return the names of runs without errors."""
+    """Draw lines of the errors, and return the names of runs without errors."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
@@ -277,7 +277,7 @@ def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> li
 
 
 def _ticks(axis: Axes, x: Sequence[float], form: str = "g") -> None:
-    """Set a logarithmic axis that names these values, and no others."""
+    """Set a logarithmic axis with ticks at these values only."""
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
@@ -292,7 +292,7 @@ def _line(
     floor: float,
     style: Style,
 ) -> None:
-    """Draw means with a band of one standard deviation, at least `floor`; nothing if all failed."""
+    """Draw means of at least `floor` with a band of one standard deviation; skip failed runs."""
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
         for at, value in zip(x, values, strict=True)
@@ -309,18 +309,18 @@ def _line(
 
 
 # -------------------------------------------------------------------------------------------------
-# Estimates of one truth.
+# Picture of several estimates of one ground truth.
 
 
 def draw_cumulative(
     costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
 ) -> Figure | None:
-    """Draw the cost up to each step, a line for each estimate: of times and costs by name."""
+    """Draw the cost up to each step, a line for each estimate, from times and costs by name."""
     times, series = costs_of_steps
     if not any(series.values()):
         return None
     made, ((axis,),) = figure(style.width, TALL * style.low + 0.04 * style.mark * len(series))
-    lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
+    lines, names = [], []  # not labels, as a legend hides labels that begin with _
     time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
@@ -329,14 +329,14 @@ def draw_cumulative(
         names.append(f"{literal(name, 30)}: {number(total[-1])}")
     axis.set_ylim(0, None)
     label(axis, "", "cost of all steps so far", "")
-    titled(axis, style, "Where the estimates part")
+    titled(axis, style, "Cumulative cost")
     name_times(axis, time, (begin[0], end[-1]), style.width)
     legend(made, lines, names, 1)
     return made
 
 
 # -------------------------------------------------------------------------------------------------
-# Picture of a sweep of a parameter: value, costs and counts over it.
+# Pictures of a sweep of a parameter: value, costs and counts over it.
 
 AXIS_NAMES = {
     "cutoff": "cutoff $c$",
@@ -345,13 +345,13 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""An axis is logarithmic if half of its values lie in so much of it."""
+"""Share of the range: an axis is logarithmic if the lower half of its values lies in it."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
     """Draw small multiples: the value and the four costs above, counts below the costs.
 
-    A grey band is where the counts of missed and false targets do not change.
+    A grey band marks parameters for which the counts of missed and false targets are constant.
     """
     table: Columns = sweep.columns()
     x = [point.value for point in sweep.points]
@@ -369,7 +369,7 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
             axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
         label(axis, "", "" if k else "cost", title)
     band = sweep.unchanged("missed_count", "false_count")
-    # Values crowd at the low end, as evenly spaced logarithms do.
+    # Values crowd at the low end if they are evenly spaced logarithms.
     low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
     crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
     for axis in axes.flat:
@@ -399,24 +399,24 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
 MAX_BARS = 40
 
 PANEL = 0.62
-"""Height of one of many panels, of one that is alone."""
+"""Height of one of several panels, relative to a single panel."""
 
 MAX_BELOW = 4
-"""Panels one below the other; more are in two columns."""
+"""Largest number of panels in one column; more panels are in two columns."""
 
 ROW = 0.21
-"""Inches of a row with letters."""
+"""Height of a row of text in inches."""
 
 
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Draw totals of runs, baseline and current, as shares of the baseline's mean.
+    """Draw totals of runs, baseline and current, relative to the mean of the baseline.
 
     Parameters
     ----------
     scenes : mapping of str to pair of sequences of float
-        By scene the totals of the baseline, and those of now; the most changed are drawn.
+        Totals of the baseline and current totals, by scene; the most changed scenes are drawn.
     style : Style
         Sizes.
     """
@@ -439,21 +439,21 @@ def draw_runs(
     axis.set_ylim(len(names), 0)
     _names(axis, names, upright=True)
     axis.set_xlabel("total, as a share of the mean of the baseline's runs")
-    legend(made, marks, ["runs of the baseline", "runs of now"], 2)
+    legend(made, marks, ["runs of the baseline", "current runs"], 2)
     return made
 
 
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
-    """Draw RMS-TGOSPA of runs over time, with bands; a panel for each kind.
+    """Draw RMS-TGOSPA of runs over time with bands, a panel for each kind of curve.
 
     Parameters
     ----------
     tables : BatchTables
-        Has the curves.
+        Tables with the curves.
     style : Style
         Sizes.
     parts : bool
-        Whether to draw the parts instead, one below the other, the kinds side by side.
+        Whether to draw the parts instead, one below the other, with the kinds side by side.
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)
@@ -495,7 +495,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw all curves of each group over time in one figure: costs per step, counts, NEES."""
+    """Draw all curves of each group over time in one figure: costs per step, counts and NEES."""
     curves = [(track, curve) for track, curve in tables.plotted_curves if curve.kind == "step"]
     lines = [
         name
@@ -524,7 +524,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
                 lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
-        if name == NEES:  # the mean NEES of correct covariances
+        if name == NEES:  # the line is the mean NEES of correct covariances
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
             components = next(sums.components for sums in rows if sums is not None)
             axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
@@ -547,7 +547,7 @@ def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
-    """Draw a line with its band."""
+    """Draw a line with its band, and return the line."""
     looks = line_looks(track, marked=len(at) == 1)
     looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
@@ -557,7 +557,7 @@ def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -
 
 
 def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw the cost per step of each group, stacked."""
+    """Draw the cost per step of each group as stacked bars."""
     shown = [(group["name"] or "all jobs", group["costs"]) for group in tables.shown_groups]
     shown = shown[:MAX_BARS]
     if not shown:
@@ -568,13 +568,13 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
     costs = {str(name): np.array([parts[name] for _, parts in shown], float) for name in PARTS}
     bars(axis, [name for name, _ in shown], costs, letters=30)
     axis.set_xlabel(f"cost per step{unit}", parse_math=False)
-    titled(axis, style, "What the cost is made of")
+    titled(axis, style, "Parts of the cost")
     legend(made, [Patch(**FILLS[name]) for name in PARTS], list(PARTS), 4)
     return made
 
 
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw the value per step of each cell; many rows lie across, without numbers."""
+    """Draw the value per step of each cell; many rows go across, without numbers."""
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:
         return None
@@ -611,7 +611,7 @@ def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _numbers(axis: Axes, heat: Json) -> None:
-    """Write the value in each cell, bold where it is proven to be the best of its row."""
+    """Write the value in each cell, in bold if it is proven to be the best of its row."""
     for k, row in enumerate(heat["cells"]):
         for column, cell in enumerate(row):
             if cell is None:
@@ -624,7 +624,7 @@ def _numbers(axis: Axes, heat: Json) -> None:
 
 
 def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
-    """Name rows, the first on top, or columns."""
+    """Name rows from top to bottom, or columns."""
     which = axis.yaxis if upright else axis.xaxis
     places = np.arange(len(names)) + 0.5
     which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)

@@ -1,4 +1,4 @@
-"""The one table of a study: RMS-TGOSPA of each tracker, its parts, how sure they are, and more."""
+"""Main table of a study: RMS-TGOSPA of each tracker, its parts, their certainty, and more."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,11 +9,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import THOUSANDS, number
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import LOWER, NUMBERS, SHARES, SUMMARY
-from tgospa_eval.show.rendering import PART_HEADS, Table, best_cells, between, parameters_of
 from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
-from tgospa_eval.text import listed, option, quoted
+from tgospa_eval.show.table_text import PART_HEADS, Table, best_cells, between, parameters_of
 
 PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
 """Columns of the parts, by their names in an option."""
@@ -25,28 +25,28 @@ OF_METRICS = {
 """Columns of other metrics: hota, mota, idf1, gospa."""
 
 ALIASES = {"detection": "detection_rate", "error": "mean_error"}
-"""Short names of numbers of the summary."""
+"""Short names of the numbers of the summary."""
 
 COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_roots")
-"""Columns of a study that need nothing else; those of them that say something are the default."""
+"""Columns of a study that need no other metric; informative ones are the default."""
 
 INTERVAL = "95 % interval"
 """Head of columns with confidence intervals of the value before them."""
 
 MIN_P = 1e-4
-"""P values below are shown as such."""
+"""P value below which only this bound is shown."""
 
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 
 DISTINCT = 1e-10
-"""Relative difference up to which numbers are the same but for roundings."""
+"""Relative difference up to which numbers differ only by rounding."""
 
 DIGITS, MAX_DECIMALS = 4, 6
-"""Digits of the largest value of a column, and decimals at most."""
+"""Digits of the largest value of a column, and the largest number of decimals."""
 
 WIDE_COLUMNS = 7
-"""Columns that LaTeX sets over both columns of a page, at least."""
+"""Number of columns from which LaTeX sets a table over both columns of a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,25 +56,25 @@ class StudyRow:
     Parameters
     ----------
     names : tuple of str
-        What tells it from others.
+        Names that distinguish the row from others.
     jobs : str
-        How many runs it has, and of how many.
+        Number of runs with a value, and of all runs if they differ.
     steps, order : float
-        Steps of a run, the mean, and the order p.
+        Mean number of steps of a run, and the order p.
     total : Interval
-        Of a run, the mean, in state units to the power p.
+        Mean total of a run, in state units to the power p.
     costs : mapping of str to float
-        The same of each part.
+        Mean cost of a run for each part.
     confidence : pair of float, optional
         95 % interval of `value`.
     place : str
-        The proven place.
+        Proven place.
     p : float, optional
-        P value of the difference to the best, adjusted by Holm's method; NaN of the best itself.
+        P value of the difference to the best, adjusted by Holm's method; NaN for the best itself.
     mean_of_roots : float, optional
-        The plain mean of the values.
+        Plain mean of the values.
     numbers : mapping of str to float
-        Other numbers: ``summary.rmse``, ``hota.HOTA``.
+        Other numbers by name: ``summary.rmse``, ``hota.HOTA``.
     """
 
     names: tuple[str, ...]
@@ -95,7 +95,7 @@ class StudyRow:
         return self.rooted(self.steps)
 
     def rooted(self, steps: float = 1.0) -> Interval:
-        """Return the root of the total by so many steps."""
+        """Return the root of the total divided by `steps`."""
         ends = ((end / steps) ** (1 / self.order) for end in (self.total.lower, self.total.upper))
         return Interval(lower=next(ends), upper=next(ends))
 
@@ -106,12 +106,12 @@ class StudyRow:
 
 
 def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
-    """Return names of columns that there are.
+    """Return the names of these columns, after a check that all exist.
 
     Raises
     ------
     ConfigError
-        There is no such column.
+        A name is not a column.
     """
     listed_names = columns.split(",") if isinstance(columns, str) else columns
     names = tuple(filter(None, map(str.strip, listed_names)))
@@ -128,7 +128,7 @@ def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
 
 
 def value_name(order: float | None, jobs: int) -> str:
-    """Return the name of the value per step; no `order` where several differ."""
+    """Return the name of the value per step; `order` is None if rows have several orders."""
     return "RMS-TGOSPA" if order == 2 and jobs > 1 else "TGOSPA per step"
 
 
@@ -154,22 +154,22 @@ def study_table(
     Parameters
     ----------
     rows : sequence of StudyRow
-        At least one.
+        Rows of the table, at least one.
     heads : sequence of str
-        Of the names of a row.
+        Heads of the names of a row.
     rivals : sequence of sequence of int
-        Rows that compete with each other.
+        Groups of rows that compete with each other.
     title : str
-        The head of the value.
+        Head of the value.
     requested : sequence of str
-        Names of columns; by default those that say something.
+        Names of columns; by default the informative ones.
     caption : str
-        What LaTeX says above it.
+        Caption of the table in LaTeX.
 
     Raises
     ------
     ConfigError
-        There is no such column.
+        A name is not a column.
     """
     columns: dict[str, Sequence[str]] = {}
     compared: dict[int, list[Interval]] = {}
@@ -200,11 +200,11 @@ def _says_nothing(name: str, cells: Sequence[str]) -> bool:
 
 
 Column = tuple[str, Sequence[str], list[Interval]]
-"""Head, cells, and what is the least for the best; nothing where none is called best."""
+"""Head, cells, and numbers whose smallest is the best; empty if no best is marked."""
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Yield the column of a name; none if it has no values, unless it is `wanted`."""
+    """Yield the column of a name; one without values only if it is `wanted`."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -246,12 +246,12 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     """Return a column of the summary, or of another metric.
 
-    What is of the assignment has a best where the values are exact alone.
+    A number that depends on the assignment has a best only if all values are exact.
 
     Raises
     ------
     ConfigError
-        There is no such metric in the rows.
+        The rows lack the metric.
     """
     metric, part = OF_METRICS.get(name, ("", ""))
     own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
@@ -278,7 +278,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Return distances of the values above the smallest; rounding makes no difference."""
+    """Return the distance of each value above the smallest, without effects of rounding."""
     smallest, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
     return [_exact(round((value.upper - smallest) / width)) for value in values]
@@ -299,13 +299,13 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Return values with as many decimals as all have."""
+    """Return values with the same number of decimals."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """Return the value with as many digits as `largest`, or both ends if these differ there."""
+    """Return the value with as many digits as `largest`, or both ends if they differ then."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
@@ -323,7 +323,7 @@ def costs_table(
     rivals: Sequence[Sequence[int]],
     caption: str = "",
 ) -> Table:
-    """Return TGOSPA, total and parts of a run, means where there are several; in state units^p."""
+    """Return TGOSPA, total and parts of a run, or means over runs, in state units^p."""
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [
         (

@@ -1,7 +1,7 @@
-"""The looks of all that is shown: colours of pages and pictures, patterns, sizes. No data.
+"""Looks of all output: colours of pages and pictures, patterns and sizes, without data.
 
-Colours are distinct without full colour vision: the parts of the cost differ in lightness as well
-as in hue, and have patterns besides.
+Colours are distinct even without full colour vision. Parts of the cost differ in lightness and in
+hue, and have patterns as well.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,8 +12,8 @@ from typing import Any
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.records import SPREAD
-from tgospa_eval.text import quoted
 
 LIGHT: Mapping[str, str] = {
     "paper": "#ffffff",
@@ -83,24 +83,24 @@ DARK_TRACK_COLOURS = (
     "#4dc8ba",
     "#e5abec",
 )
-"""The same on a dark screen, for dark letters."""
+"""Colours of estimates on a dark screen, for dark letters."""
 
 
 def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
-    """Return declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
+    """Return declarations of CSS: ``--missed: #b83a00``, and ``--track-0`` to the last track."""
     named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
     return " ".join(f"--{name}: {colour};" for name, colour in named.items())
 
 
 HEAT_LEVELS = 9
-"""Shades from paper on."""
+"""Number of shades, from the colour of the paper."""
 
 _DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
-"""Share of the full colour in the darkest shade: letters are legible on it."""
+"""Share of the full colour in the darkest shade, on which letters are still legible."""
 
 
 def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
-    """Return shades of one colour, from little to much."""
+    """Return shades of one colour from light to full."""
     paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
     darkest = _DARKEST[colours["paper"]]
     shares = (darkest * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
@@ -111,7 +111,7 @@ def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
 
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito: distinguished by those who do not see all colours, and in print."""
+"""Colours of Okabe and Ito, distinct in print and without full colour vision."""
 
 MARKERS = "osD^vPX"
 DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10, 2, 2, 2, 2, 2)))
@@ -133,7 +133,7 @@ FILES: Mapping[str, dict[str, Any]] = {
     "svg": {"metadata": {"Creator": None, "Date": None}},
     "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
 }
-"""Formats, and what is left out of each: nothing depends on the time or on who made it."""
+"""Formats, with metadata left out of each, so that files do not depend on time or author."""
 
 
 def available() -> bool:
@@ -143,24 +143,24 @@ def available() -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """Sizes of a kind of pictures.
+    """Sizes for one kind of pictures.
 
     Parameters
     ----------
     width : float
-        Inches.
+        Width in inches.
     low : float
         Height of a picture over time, in inches.
     dots : int
-        Dots per inch, of a PNG and of what is too much for a vector.
+        Dots per inch of a PNG, and of parts that are too large for a vector file.
     titles : bool
-        Whether a picture says what it shows; papers have captions.
+        Whether a picture has a title; papers have captions instead.
     bars : int
-        Most bars beside each other; of more steps the costliest stand for several.
+        Largest number of bars; with more steps a bar is the costliest of several steps.
     lanes : int
-        Most truths with a lane of their own, and half as many estimates.
+        Largest number of truths with a lane of their own; for estimates it is half of this.
     worst : int
-        Bars of each kind of what is worst.
+        Number of bars for each kind of the worst steps and tracks.
     settings : dict
         Settings of matplotlib.
     """
@@ -186,7 +186,7 @@ class Style:
 
 
 _BOTH = {"axes.titley": 1.0}
-"""No ticks are on top; to look for them in each draw takes as long as the text."""
+"""Titles at the top, because searching for ticks there takes as long as drawing the text."""
 
 _SCREEN = {**_BOTH, "font.size": 9, "hatch.linewidth": 0.8}
 _PAPER = {
@@ -219,7 +219,7 @@ STYLES = {
         width=7.16, low=1.9, dots=400, titles=False, bars=600, lanes=40, worst=5, settings=_PAPER
     ),
 }
-"""``--style``: a window or a page of notes; one column of a journal, or both, without titles."""
+"""``--style``: a window or a page of notes; one or both columns of a journal, without titles."""
 
 INK, SOFT = LIGHT["ink"], LIGHT["soft"]
 MISSED, FALSE = LIGHT["missed"], LIGHT["false"]
@@ -231,10 +231,10 @@ FILLS: Mapping[str, dict[str, Any]] = {
     "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
     "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
 }
-"""Fills of the parts of the cost, distinguished by patterns where there are no colours."""
+"""Fills of the parts of the cost, with patterns for output without colours."""
 
 UNJUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
-"""Looks of stretches of which nothing is judged, over whatever else is there."""
+"""Looks of stretches that are not judged, drawn over everything else."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
@@ -247,7 +247,7 @@ LINES: Mapping[str, dict[str, Any]] = {
 
 @contextmanager
 def styled(name: str = "screen") -> Iterator[Style]:
-    """Apply the style to matplotlib, whatever the settings of the user.
+    """Apply the style to matplotlib, independently of the settings of the user.
 
     Raises
     ------

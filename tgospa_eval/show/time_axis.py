@@ -1,4 +1,4 @@
-"""Ticks of a time axis at round times, and their names; the common part stands once."""
+"""Ticks of a time axis at round times, and their names without the common part."""
 
 import math
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
-"""Ratio of a recording to the sum of its steps up to which it is drawn to scale."""
+"""Largest ratio of a recording to the sum of its typical steps that is drawn to scale."""
 
 TYPICAL_QUANTILE = 0.9
-"""Quantile of the gaps that counts as one between neighbours."""
+"""Quantile of the gaps that is the typical gap between neighbouring steps."""
 
 DAY = 86_400.0
 WHOLE = 2.0**53
-"""Below this whole numbers differ in a browser."""
+"""Number below which a browser can tell all integers apart."""
 
 
 def describe_times(times: Sequence[Time]) -> Json:
@@ -28,14 +28,14 @@ def describe_times(times: Sequence[Time]) -> Json:
     Parameters
     ----------
     times : sequence of int, float or str
-        As they were read.
+        Times as they were read.
 
     Returns
     -------
     dict
-        ``kind``: ``"number"``; ``"stamp"``, whole numbers from the first, which is ``origin``;
+        ``kind``: ``"number"``; ``"stamp"``, integers relative to the first, which is ``origin``;
         ``"date"``, seconds since midnight of the day ``origin``; or ``"step"``, numbers of steps.
-        ``values``: None for numbers and steps.
+        ``values``: positions of the times, or None for numbers and steps.
     """
     kind, origin, values = "number", "", None
     if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
@@ -47,7 +47,7 @@ def describe_times(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Return times as they were read; numbers that a browser cannot hold exactly become texts."""
+    """Return times as they were read, with numbers that a browser cannot hold exactly as texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -70,13 +70,13 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
 
 
 def _typical_gap(values: Floats) -> tuple[Floats, float]:
-    """Return gaps between steps, and how long they usually are."""
+    """Return the gaps between steps, and the typical gap."""
     gaps = np.diff(values / 2) * 2 if len(values) > 1 else np.ones(1)
     return gaps, float(np.quantile(gaps, TYPICAL_QUANTILE, method="lower"))
 
 
 def uneven(values: Floats) -> bool:
-    """Check whether gaps would take most of an axis, or values do not grow."""
+    """Check whether gaps would take most of an axis, or values do not increase."""
     gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -84,10 +84,10 @@ def uneven(values: Floats) -> bool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Axes of the charts of pages: ticks at round numbers, room above.
+# Axes of the charts of pages: ticks at round numbers, and room above.
 
 ROOM = 1.05
-"""Height of a chart, as a multiple of what is in it."""
+"""Height of a chart, relative to its highest value."""
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
 """Round numbers of seconds within a day."""
@@ -103,9 +103,9 @@ class TimeAxis:
     Parameters
     ----------
     times : sequence of int, float or str
-        Of all steps, as they were read.
+        Times of all steps, as they were read.
     axis : dict
-        How they are drawn, by `describe_times`.
+        Description of the axis by `describe_times`.
     """
 
     times: Sequence[Time]
@@ -113,12 +113,12 @@ class TimeAxis:
 
     @classmethod
     def of(cls, times: Sequence[Time]) -> "TimeAxis":
-        """Return the axis of times as they were read."""
+        """Return the time axis of times as they were read."""
         return cls(times=times, axis=describe_times(times))
 
     @cached_property
     def labels(self) -> list[str]:
-        """The times as they are written."""
+        """Texts of the times."""
         return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in self.times]
 
     @cached_property
@@ -132,7 +132,7 @@ class TimeAxis:
     def edges(self) -> tuple[Floats, Floats]:
         """Begin and end of each step: the middle between it and its neighbours.
 
-        Beside a gap it ends as beside a neighbour.
+        Next to a gap, half the typical distance is used.
         """
         if not len(self.at):
             return self.at, self.at
@@ -153,7 +153,7 @@ class TimeAxis:
         return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
 
     def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
-        """Return places and names of ticks, and the name of the axis; `room` is for characters."""
+        """Return positions and names of ticks, and the axis name; `room` is in characters."""
         if len(self.labels) == 1:
             return [(low + high) / 2], list(self.labels), "time"
         make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
@@ -161,7 +161,7 @@ class TimeAxis:
             places, names, title = make[self.axis["kind"]](low, high, count)
             if len(places) * (max(map(len, names), default=0) + 2) <= room:
                 break
-        if self.axis["kind"] == "stamp":  # whole numbers from 0
+        if self.axis["kind"] == "stamp":  # only integers from 0
             kept = [(at, f"{at:,.0f}") for at in places if at >= 0 and at == round(at)]
             places, names = [at for at, _ in kept], [name for _, name in kept]
             title = f"time from {self.axis['origin']}"
@@ -169,7 +169,7 @@ class TimeAxis:
         return places, names, title
 
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Round times of the day, or days; the common part of the date is in the name."""
+        """Return ticks at round times of day or at days; the axis name has the common part."""
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
         try:
@@ -188,7 +188,7 @@ class TimeAxis:
         return places, names, f"time{suffix}"
 
     def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Return steps at round distances, evenly spaced."""
+        """Return ticks at steps with round distances, evenly spaced."""
         first, last = max(math.ceil(low), 0), min(math.floor(high), len(self.labels) - 1)
         if last - first < count:
             steps = list(range(first, last + 1))
@@ -200,7 +200,7 @@ class TimeAxis:
 
 
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-    """Round numbers; of large ones that are near to each other the difference to a round one."""
+    """Return round numbers; large close numbers become differences from a round number."""
     places, base = nice(low, high, count), 0.0
     if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
         size = 10.0 ** math.ceil(math.log10(high - low)) if high > low else 1.0
@@ -210,7 +210,7 @@ def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str
 
 
 def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
-    """Return places of ticks in seconds, and how far they are apart."""
+    """Return positions of ticks in seconds, and the distance between them."""
     raw = (high - low) / count * (1 - 1e-9)
     if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
         places = nice(low, high, count)
@@ -221,7 +221,7 @@ def _round_times(low: float, high: float, count: int) -> tuple[list[float], floa
 
 
 def nice(low: float, high: float, count: int) -> list[float]:
-    """Round numbers from low to high, about so many."""
+    """Return about `count` round numbers from `low` to `high`."""
     if not high > low:
         return [low]
     raw = (high - low) / max(count, 1)

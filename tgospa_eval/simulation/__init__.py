@@ -8,10 +8,10 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number, whole_number
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
 from tgospa_eval.simulation.tracker import particle_clouds
-from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 COLUMNS = {
@@ -24,28 +24,29 @@ COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """The ground truth to make.
+    """Settings of the ground truth.
 
     Parameters
     ----------
     scenario : str
-        A name of `tgospa_eval.simulation.SCENARIOS`.
+        Name in `tgospa_eval.simulation.SCENARIOS`.
     targets, steps : int
-        How many; at least 0 and 1.
+        Numbers of targets (at least 0) and steps (at least 1).
     area : float
         Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
     state : {"point", "gaussian", "cloud", "box"}
-        ``x, y``; the same with the covariance of its error for each estimate; points in the truth,
-        and every report a cloud of particles around the point that it would be, as wide as the
-        noise; or ``left, top, width, height`` of a box around that point; its height is uniform in
-        [A/20, A/8] and constant, its width 0.4 of that.
+        Kind of the states. Points have ``x, y``. Gaussians also have the covariance of the error
+        of each estimate. Clouds have points in the truth; each report is a cloud of particles
+        around its point, with the spread of the noise. Boxes have ``left, top, width, height``
+        around this point. The height is drawn uniformly from [A/20, A/8] and kept; the width is
+        0.4 of it.
     particles : int
-        Of a cloud; at least 1.
+        Number of particles of a cloud, at least 1.
 
     Raises
     ------
     ConfigError
-        A value is none of these.
+        A value is not allowed.
     """
 
     scenario: str = "crossing"
@@ -82,17 +83,17 @@ ERROR_RANGES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Tracker:
-    """The errors of a tracker; one without any by default.
+    """Errors of a tracker; all errors are off by default.
 
     Parameters
     ----------
     noise : float
-        Standard deviation of each coordinate, in state units; of Gaussians the scale of their
-        errors (`tgospa_eval.simulation.tracker.add_noise_of_a_radar`).
+        Standard deviation of each coordinate, in state units. For Gaussians it is the scale of
+        their errors (`tgospa_eval.simulation.tracker.add_noise_of_a_radar`).
     detection : float
         Probability that a target is reported at a step.
     confirmation : int
-        Steps after its birth at which a target is not reported yet.
+        Number of steps after its birth at which a target is not reported yet.
     merges : float
         Probability that two targets are one track for as long as they are near.
     swaps : float
@@ -100,20 +101,20 @@ class Tracker:
     near : float
         Distance below which two targets are near, in state units.
     fragmentation : float
-        Probability, for every step, that a track is lost.
+        Probability at each step that a track is lost.
     lost : int
-        Steps until it is found again, under a new number.
+        Number of steps until a lost track is found again, under a new number.
     latency : int
-        Steps by which every report is late.
+        Number of steps by which every report is late.
     false_rate : float
         Mean number of false tracks that begin at a step.
     false_length : (int, int)
-        Their lengths in steps: least and most, each as likely as any between.
+        Smallest and largest length of false tracks in steps; lengths between are equally likely.
 
     Raises
     ------
     ConfigError
-        A value has no meaning.
+        A value is out of its range.
     """
 
     noise: float = 0.0
@@ -141,35 +142,35 @@ class Tracker:
         for length in (shortest, longest):
             whole_number("false-length", length, 1, LARGEST_COUNT)
         if shortest > longest:
-            raise ConfigError(f"false-length is {shortest}:{longest}: the least comes first")
+            raise ConfigError(f"false-length is {shortest}:{longest}: the smallest must be first")
 
 
 def simulate(
     scene: Scene, tracker: Tracker, rng: np.random.Generator
 ) -> tuple[Trajectories, Trajectories]:
-    """Make a scene and the tracks that the tracker reports.
+    """Return the ground truth of a scene, and the tracks that the tracker reports.
 
-    Times count from 1, ids of truths too; the track that begins on truth i is number 100 + i
-    (1000 + i from 100 targets on, and so on), later tracks follow. Values are rounded to about a
-    hundred-thousandth of the area, or of 200 times the noise if that is less: machines whose sines
-    differ in the last digit still make the same files.
+    Times and ids of true objects count from 1. The track that begins on object i has the number
+    100 + i (1000 + i from 100 targets on, and so on), and later tracks follow. Values are rounded
+    to about a hundred-thousandth of the area, or of 200 times the noise if that is less. So
+    machines whose sines differ in the last digit make the same files.
 
-    Every error has a stream of random numbers of its own: changing one leaves the draws of the
-    others as they are.
+    Every error has its own stream of random numbers, so a change of one error leaves the draws of
+    any other error unchanged.
 
     Parameters
     ----------
     scene : Scene
-        The ground truth to make.
+        Settings of the ground truth.
     tracker : Tracker
-        The errors of the tracker.
+        Errors of the tracker.
     rng : numpy.random.Generator
-        The same state gives the same result.
+        Source of random numbers; the same state gives the same result.
 
     Returns
     -------
     truth, estimate : Trajectories
-        On the same times.
+        Both sides on the same times.
     """
     streams = rng.spawn(9)
     truth = SCENARIOS[scene.scenario](scene.targets, scene.steps, scene.area, streams[0])
@@ -199,7 +200,7 @@ def simulate(
 def _tracks(
     truth: Floats, scene: Scene, tracker: Tracker, streams: list[np.random.Generator]
 ) -> Floats:
-    """Return tracks that the tracker reports of the targets."""
+    """Return the tracks of the targets as the tracker reports them."""
     for_merges, for_noise, for_misses, for_swaps, for_losses = streams
     meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
     states = errors.confirm_late(truth, tracker.confirmation)
@@ -215,7 +216,7 @@ def _tracks(
 
 
 def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Floats:
-    """Turn centres (T, k, 2) into boxes (T, k, 4) as centre and size."""
+    """Return boxes (T, k, 4) with centre and size, from centres (T, k, 2)."""
     height = rng.uniform(area / 20, area / 8, centres.shape[1])
     size = np.stack((0.4 * height, height), axis=-1)
     return np.concatenate((centres, np.where(np.isnan(centres), np.nan, size)), axis=-1)
@@ -224,7 +225,7 @@ def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Float
 def _trajectories(
     states: Floats, scene: Scene, tracker: Tracker, decimals: int, before: int
 ) -> Trajectories:
-    """Round and name trajectories; boxes go from centre and size to corner and size."""
+    """Return rounded trajectories with ids; boxes get corner and size from centre and size."""
     columns = COLUMNS[scene.state]
     covariance = None
     if states.shape[2] == len(columns) + 3:
@@ -232,7 +233,7 @@ def _trajectories(
         digits = 5 - math.floor(math.log10(tracker.noise or 1.0)) * 2
         covariance = np.round(packed, digits)[..., [[0, 1], [1, 2]]]
     if scene.state == "box":
-        size = np.maximum(states[..., 2:], scene.area / 100)  # a box keeps a size in spite of noise
+        size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a positive size
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
     existing = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
     tracks = Trajectories.from_array(

@@ -1,7 +1,7 @@
-"""Ground truth of synthetic scenes. Knows no tracker and no file.
+"""Ground truth of synthetic scenes, without trackers and files.
 
-Every scenario is a function ``(targets, steps, area, rng) -> (T, m, 2)`` of positions in the square
-[0, A]^2, NaN where a target does not exist; A is `area`, the side of the square.
+Every scenario is a function ``(targets, steps, area, rng) -> (T, m, 2)``. It returns positions in
+the square [0, A]^2 with side A = `area`, NaN where a target does not exist.
 """
 
 from collections.abc import Callable
@@ -15,27 +15,27 @@ Ints = NDArray[np.int64]
 
 
 def encounters(truth: Floats, near: float) -> Ints:
-    """Return all encounters of two targets, as long as each lasts.
+    """Return all encounters of two targets, with their begin and end.
 
     Parameters
     ----------
     truth : (T, m, d) array
-        States, the first two coordinates the position; NaN where absent.
+        States with the position in the first two coordinates; NaN where absent.
     near : float
-        Two targets meet while their distance is less; in state units.
+        Distance below which two targets meet, in state units.
 
     Returns
     -------
     (E, 5) array
-        First and second target, step of the begin and after the end, step at which they are
-        closest; sorted by (begin, first, second).
+        First and second target, first step, step after the end, step of the smallest distance;
+        sorted by (begin, first, second).
     """
-    from scipy.spatial import cKDTree  # memory and time are those of near pairs, not of all pairs
+    from scipy.spatial import cKDTree  # memory and time grow only with the number of near pairs
 
     pairs = [np.zeros((0, 2), np.int64)]
     for position in truth[..., :2]:
         present = np.flatnonzero(~np.isnan(position[:, 0]))
-        # Built in half the time of a balanced tree, and searched as fast.
+        # This tree is built in half the time of a balanced tree, and searched as fast.
         tree = cKDTree(position[present], balanced_tree=False, compact_nodes=False)
         pairs.append(present[tree.query_pairs(near, output_type="ndarray")])
     first, second = np.sort(np.concatenate(pairs), axis=1).T
@@ -62,7 +62,7 @@ SPEED = 1 / 100
 """Typical step of a free target, as a share of the side of the square."""
 
 LEG = 10
-"""Steps for which a manoeuvring target keeps its turn rate: a quarter of a circle."""
+"""Steps with the same turn rate of a manoeuvring target: a quarter of a circle."""
 
 
 def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
@@ -79,7 +79,7 @@ def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return lanes with distance A / (m + 1), all at one speed.
+    """Return lanes with spacing A / (m + 1), all at one speed.
 
     x_i(u) = A (s_i + 0.8 u), y_i = A (i + 1) / (m + 1), u from 0 to 1; starts s_i uniform in
     [0, 0.2].
@@ -91,7 +91,7 @@ def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return tracks one behind another on a winding road, g = min(A/20, 0.3 A/m) apart.
+    """Return tracks in a row on a winding road, with spacing g = min(A/20, 0.3 A/m).
 
     x_i(u) = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
     y_i = A/2 + A/5 sin(2 pi x_i / A + phi), phi uniform.
@@ -107,7 +107,7 @@ def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return random walkers that fill the square and turn back at its sides.
 
-    Steps N(0, (A/100)^2) at first, changed by N(0, (A/500)^2) at every step.
+    First steps are N(0, (A/100)^2); every step changes by N(0, (A/500)^2).
     """
     sizes = np.full((steps, 1, 1), SPEED * area / 5)
     sizes[:1] = SPEED * area
@@ -118,8 +118,8 @@ def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Fl
 def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return straight lines of targets that are born and die.
 
-    Lifetimes uniform in {ceil(T/4), ..., T}, births uniform in what that leaves; steps
-    N(0, (A/100)^2).
+    Lifetimes are uniform in {ceil(T/4), ..., T}, and births are uniform in the remaining range.
+    Steps are N(0, (A/100)^2).
     """
     velocity = np.repeat(rng.normal(0, SPEED * area, (1, targets, 2)), steps, axis=0)
     states = _walk(velocity, area, rng)
@@ -131,7 +131,7 @@ def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 
 
 def manoeuvring(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return tracks at speed A/100; every 10 steps straight on, or a turn by 90 degrees."""
+    """Return tracks at speed A/100 that go straight or turn by 90 degrees in every 10 steps."""
     legs = rng.integers(-1, 1, (-(-steps // LEG), targets), endpoint=True)
     turn = np.repeat(legs * (np.pi / 2 / LEG), LEG, axis=0)[:steps]
     heading = rng.uniform(0, 2 * np.pi, targets) + np.cumsum(turn, axis=0)
@@ -150,7 +150,7 @@ SCENARIOS: dict[str, Scenario] = {
 
 
 def _progress(steps: int) -> Floats:
-    """Return the share of the time that has gone, 0 to 1, (T, 1, 1)."""
+    """Return the elapsed share of the time, 0 to 1, (T, 1, 1)."""
     return np.linspace(0, 1, steps)[:, None, None]
 
 

@@ -1,7 +1,7 @@
-"""Settings of simulations in the literature, each named after its source. Knows no file.
+"""Settings of simulations in the literature, each named after its source.
 
-Targets nearly keep their velocity. They are drawn in the middle of the recording, near to each
-other, and from there forward and backward, so that all meet at half time.
+Targets keep nearly constant velocity. They are drawn in the middle of the recording, near to each
+other, and continue from there forward and backward in time, so that all meet at half time.
 """
 
 from dataclasses import fields, replace
@@ -17,7 +17,7 @@ from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
 
 DECIMALS = 5
-"""Decimals of positions: machines whose sums differ in the last digit make the same files."""
+"""Decimals of positions, few enough that machines with different last digits agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,16 +29,16 @@ class StudySetting:
     source : str
         Publication and code.
     cutoff, order, switch_penalty : float
-        Of the metric.
+        Parameters of the metric.
     alive : tuple of (int, int)
-        First and last step of each target, from 1; the recording ends with the last of all, and
-        has an odd number of steps.
+        First and last step of each target, from 1. The recording ends with the last target, and has
+        an odd number of steps.
     centre : float
-        Both coordinates of the place where the targets meet.
+        Both coordinates of the point where the targets meet.
     spread : float
-        Variance of positions and velocities there.
+        Variance of positions and velocities at this point.
     motion : float
-        Intensity q of the white acceleration: its covariance in a step of 1 s is
+        Intensity q of the white acceleration. Its covariance in a step of 1 s is
         q (1/3, 1/2; 1/2, 1) in each coordinate.
     noise : float
         Variance of each coordinate of a measurement.
@@ -47,7 +47,7 @@ class StudySetting:
     clutter : float
         Mean number of false measurements at a step, uniform in the square.
     square : (float, float)
-        Least and largest coordinate of false measurements.
+        Smallest and largest coordinate of false measurements.
     one_truth : bool
         Whether all runs of the source have the same truth.
     """
@@ -113,19 +113,19 @@ PUBLISHED = {
 def run_setting(
     setting: StudySetting, seed: int
 ) -> tuple[Trajectories, Trajectories, list[Floats]]:
-    """Simulate one run; if all runs of the source share one truth, so do all seeds.
+    """Simulate one run; if all runs of the source share one truth, all seeds give this truth.
 
-    The random numbers are not those of the source.
+    The random numbers differ from those of the source.
 
     Returns
     -------
     truth : Trajectories
-        The targets.
+        Trajectories of the targets.
     estimate : Trajectories
-        The measurements of each target as a track of its own: what a tracker without clutter and
-        without errors of association has before it filters.
+        Measurements of each target as a separate track, as before the filter of a tracker without
+        clutter and without errors of association.
     measurements : list of (M, 2) arrays
-        What a tracker gets at each step: those of targets and the false ones, shuffled.
+        Measurements at each step, of targets and false ones, shuffled.
     """
     truth_rng, rng = (
         np.random.default_rng(key) for key in (0 if setting.one_truth else [seed, 1], [seed, 2])
@@ -173,24 +173,24 @@ def _named(states: Floats, first: int) -> Trajectories:
 
 
 # -------------------------------------------------------------------------------------------------
-# ``simulate`` of Python: the scene that the command makes of the same settings.
+# ``simulate`` of Python makes the same scene as the command with the same settings.
 
 DEFAULT_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
-"""Errors of a tracker that nobody chose; noise and near depend on the area."""
+"""Default errors of a tracker; the defaults of noise and near depend on the area."""
 
 
 def default_tracker(area: float, errors: dict[str, Any]) -> Tracker:
-    """Return a tracker with these errors, the others by default in a square of this side.
+    """Return a tracker with these errors, and defaults for a square of this side.
 
     Raises
     ------
     ConfigError
-        There is no such error, or its value has no meaning.
+        An error is unknown, or its value is out of its range.
     """
     names = [field.name for field in fields(Tracker)]
     for name in errors:
         if name not in names:
-            raise ConfigError(f"no error of a tracker {name!r}; there are {', '.join(names)}")
+            raise ConfigError(f"{name!r} is not an error of a tracker; use {', '.join(names)}")
     return Tracker(**{"noise": area / 200, "near": area / 20} | DEFAULT_ERRORS | errors)
 
 
@@ -205,7 +205,7 @@ def simulate(
     seed: int = 0,
     **errors: Any,
 ) -> tuple[Trajectories, Trajectories]:
-    """Make a ground truth and a tracker's estimate of it, as ``tgospa-eval simulate`` does.
+    """Return a ground truth and a tracker's estimate of it, like ``tgospa-eval simulate``.
 
     Parameters
     ----------

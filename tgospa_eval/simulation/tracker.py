@@ -1,7 +1,7 @@
-"""Errors of trackers, one function each. Knows no scenario and no file.
+"""Errors of trackers, one function each, without scenarios and files.
 
-Each takes states (T, n, d), NaN where absent, and returns new ones. A column is a track; before
-`swap` and `fragment` column i follows target i. Meetings are those of
+Each function receives states (T, n, d), NaN where absent, and returns new states. A column is a
+track; before `swap` and `fragment`, column i follows target i. Meetings are those of
 `tgospa_eval.simulation.scenarios`.
 """
 
@@ -12,19 +12,19 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.tracks.clouds import Clouds
 
 WIDER = 1.5
-"""Standard deviation from which particles are drawn, over that of the Gaussian they stand for."""
+"""Standard deviation for drawing particles, relative to that of the represented Gaussian."""
 
 LARGEST_DEVIATE = 2.6
-"""Largest deviate drawn, in standard deviations: beyond, weights would be next to nothing."""
+"""Largest drawn deviate in standard deviations; beyond it, weights would be close to 0."""
 
 
 def particle_clouds(
     centres: Floats, noise: float, count: int, decimals: int, rng: np.random.Generator
 ) -> Clouds:
-    """Return clouds that stand for Gaussians around the centres (R, d), of deviation `noise`.
+    """Return clouds that represent Gaussians around the centres (R, d), with deviation `noise`.
 
     Particles are drawn from a wider Gaussian and weighted with the ratio of the densities.
-    Positions are rounded to so many decimals; weights are short decimals that sum to 1.
+    Positions are rounded to `decimals`; weights are short decimals that sum to 1.
     """
     rows, size = centres.shape
     deviates = (
@@ -33,7 +33,7 @@ def particle_clouds(
     ratio = np.exp(-0.5 * (1 - WIDER**-2) * (deviates**2).sum(axis=-1))
     unit = 10 ** (len(str(count)) + 4)
     shares = np.floor(unit * ratio / ratio.sum(axis=1, keepdims=True))
-    # The remainder of rounding down goes to the heaviest.
+    # The heaviest particle gets the remainder of rounding down.
     shares[np.arange(rows), shares.argmax(axis=1)] += unit - shares.sum(axis=1)
     points = np.round(centres[:, None] + noise * deviates, decimals)
     return Clouds(
@@ -55,8 +55,8 @@ def confirm_late(states: Floats, delay: int) -> Floats:
 def merge(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
     """Merge the tracks of two targets in an encounter, with this probability.
 
-    For as long as it lasts the first of the two is at the mean of both, the second is silent. A
-    track merges with one other at a time: the encounter that begins first.
+    During the encounter, the first track is at the mean of both, and the second is silent. A
+    track merges with one track at a time, in the encounter that begins first.
     """
     merged = states.copy()
     busy = np.zeros(states.shape[:2], bool)
@@ -73,15 +73,16 @@ def merge(states: Floats, meetings: Ints, probability: float, rng: np.random.Gen
 
 
 def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Floats:
-    """Add N(0, deviation^2) to every coordinate, independently."""
+    """Add independent N(0, deviation^2) to every coordinate."""
     return states + rng.normal(0, deviation, states.shape)
 
 
 def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
     """Return covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
 
-    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and v
-    across it: the error along the line of sight is S / 2, across it grows with the range.
+    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and
+    the direction v across it. The error along the line of sight is S / 2; the error across it
+    grows with the range.
     """
     x, y = states[..., 0], states[..., 1]
     distance = np.sqrt(x * x + y * y)
@@ -99,7 +100,7 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Turn positions (T, n, 2) into Gaussians (T, n, 5): the mean is drawn by its covariance."""
+    """Return Gaussians (T, n, 5) of positions (T, n, 2); the mean is drawn by its covariance."""
     packed = covariance_of_a_radar(states, deviation, area)
     xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
@@ -124,8 +125,8 @@ def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Gene
     """Exchange the two tracks of an encounter from its closest step on, with this probability."""
     chosen = meetings[rng.random(len(meetings)) < probability]
     chosen = chosen[np.argsort(chosen[:, 4], kind="stable")]
-    track = np.arange(states.shape[1])  # the track of each target, from one swap to the next
-    target = track.copy()  # the target of each track
+    track = np.arange(states.shape[1])  # track of each target, up to the next swap
+    target = track.copy()  # target of each track
     swapped = np.empty_like(states)
     done = 0
     for first, second, _, _, closest in chosen.tolist():
@@ -140,8 +141,8 @@ def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Gene
 def fragment(states: Floats, probability: float, gap: int, rng: np.random.Generator) -> Floats:
     """Lose the track at each reported step, with this probability.
 
-    It is silent from that step on for `gap` steps, and then goes on under a new number: in a new
-    column, after those that are there. The first step of a track is never lost.
+    The track is silent from that step for `gap` steps. It continues under a new number in a new
+    column at the end. The first step of a track is never lost.
     """
     states = states.copy()
     present = ~np.isnan(states[..., 0])
@@ -160,7 +161,7 @@ def fragment(states: Floats, probability: float, gap: int, rng: np.random.Genera
             rest = np.full_like(track, np.nan)
             rest[free:] = track[free:]
             track[step:] = np.nan
-            # The first report of the new number may not be lost at once either.
+            # The first report of the new number cannot be lost either.
             free += int(np.flatnonzero(~np.isnan(rest[free:, 0]))[0]) + 1
             fresh.append(rest)
             track = rest
@@ -177,11 +178,11 @@ def lag(states: Floats, steps: int) -> Floats:
 def false_tracks(
     steps: int, rate: float, length: tuple[int, int], area: float, rng: np.random.Generator
 ) -> Floats:
-    """Return tracks of nothing, (T, f, 2).
+    """Return false tracks, (T, f, 2).
 
-    At every step Poisson(`rate`) of them begin. Lengths are uniform in {length[0], ..., length[1]}
-    and end with the recording; the start is uniform in the square, the way a straight line with
-    steps N(0, (A/100)^2).
+    Poisson(`rate`) tracks begin at every step. Lengths are uniform in
+    {length[0], ..., length[1]}, and tracks end with the recording at the latest. The start is
+    uniform in the square, and the path is a straight line with steps N(0, (A/100)^2).
     """
     begin = np.repeat(np.arange(steps), rng.poisson(rate, steps))
     long = rng.integers(*length, len(begin), endpoint=True)

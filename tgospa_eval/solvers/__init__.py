@@ -1,4 +1,4 @@
-"""PROBLEM -> Solution. A member is one file here, one line in `SOLVERS` and a docs line."""
+"""Solvers, from PROBLEM to Solution. Each is one file, one line in `SOLVERS` and a docs line."""
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -6,7 +6,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
@@ -14,25 +14,25 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Solver(Protocol):
-    """A frozen record of settings that can be called."""
+    """Frozen record of settings that can be called to solve a problem."""
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """Name as on the command line."""
 
     @property
     def proves(self) -> bool:
-        """True if it goes on until the proven bracket is within `gap`; it takes a warm start."""
+        """True if it continues until the proven bracket is within `gap`, and uses warm starts."""
         return False
 
     @property
     def referee(self) -> bool:
-        """True if it checks the others: it is slow, and uses none of their kernels."""
+        """True if it checks other solvers: it is slow, and does not use their kernels."""
         return False
 
     @property
     def epsilon(self) -> float | None:
-        """Temperature, if it has one."""
+        """Temperature as a fraction of c^p, None without one."""
         return None
 
     @property
@@ -42,18 +42,18 @@ class Solver(Protocol):
 
     @property
     def time_limit(self) -> float | None:
-        """Seconds after which it stops with what it has."""
+        """Seconds after which it stops with its best solution."""
         return None
 
     @property
     def jobs(self) -> int | None:
-        """Threads; None is all cores."""
+        """Number of threads; None means all cores."""
         return None
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
     ) -> Solution:
-        """Propose an assignment and prices; a warm start may save work, or is passed over."""
+        """Propose an assignment and prices; a warm start may save work, or is ignored."""
 
 
 SOLVERS = {
@@ -61,7 +61,7 @@ SOLVERS = {
     "exact": "tgospa_eval.solvers.exact:Exact",
     "sinkhorn": "tgospa_eval.solvers.sinkhorn:Sinkhorn",
 }
-"""Place of each solver, which is imported when it is used."""
+"""Module and class of each solver, which is imported when it is used."""
 
 
 def solver_class(name: str) -> type[Solver]:
@@ -70,7 +70,7 @@ def solver_class(name: str) -> type[Solver]:
     Raises
     ------
     ConfigError
-        No solver has that name.
+        No solver has this name.
     """
     from importlib import import_module
 
@@ -82,7 +82,7 @@ def solver_class(name: str) -> type[Solver]:
 
 
 def as_solver(solver: str | Solver) -> Solver:
-    """Return a record of settings, or that of a name with default settings."""
+    """Return the record of settings, or the default record of a named solver."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not isinstance(solver, Solver):

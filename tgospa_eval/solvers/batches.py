@@ -1,14 +1,14 @@
-"""Blocks in batches, batches in threads; what comes out does not depend on the threads.
+"""Blocks in batches, and batches in threads; the result does not depend on the threads.
 
-Windows in time: a long component in pieces that overlap, and their answers joined.
+Windows in time divide a long component into pieces that overlap, and their answers are joined.
 
     core |---------|---------|---------|
-         |------------|                  a window: its core, and some steps to either side
+         |------------|                  a window: its core, and some steps on either side
               |---------------|
 
-Of each window the weights and prices of its core are kept. Whatever is joined bounds the optimum,
-for any prices >= 0 do, and any feasible weights (docs/theory/windows-in-time.md); how well it fits
-at the seams is measured afterwards, on the whole component.
+The weights and prices of the core of each window are kept. The joined answer bounds the optimum,
+as do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). The bracket at the
+seams is measured afterwards, on the whole component.
 """
 
 import itertools
@@ -40,28 +40,28 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""Sums of weights that exceed 1 by more are scaled."""
+"""Excess of a sum of weights above 1 from which on the weights are scaled."""
 
 SOME_ROOM = 1e-9
-"""Less room than this is none."""
+"""Smallest room in a slot that counts."""
 
 BEFORE_SEAMS = 0.9
-"""Share of the work, and of the time, that windows are of a block."""
+"""Share of the work, and of the time, of a block that is spent on its windows."""
 
 UNKNOWN = -1.0
-"""The weight of a state that no window has answered for."""
+"""Weight of a state without an answer of a window."""
 
 
 TimeWindow = tuple[int, int, int, int]
-"""Steps that are solved together, ends are the step after the last: of the core, which is kept, and
-of all."""
+"""First step and end (the step after the last) of the core, which is kept, and of the whole window,
+which is solved."""
 
 
 def divisible_blocks(states: States) -> Ints:
-    """Return the blocks to solve in windows: very large and long ones with competing rows.
+    """Return the blocks to solve in windows: very large and long blocks with competing rows.
 
-    With switch prices that vary a run is several states, with large ones windows do not know
-    enough, and gains that may be negative are for other purposes: such problems are solved whole.
+    Other problems are solved whole: with varying switch prices, where a run is several states; with
+    large switch prices, for which windows are too short; and with gains that may be negative.
     """
     problem = states.problem
     price = problem.switch_price
@@ -78,7 +78,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """One block in windows, and the answers of these as they come; windows may be in threads.
+    """One block in windows, and the answers of the windows so far; windows may be in threads.
 
     Parameters
     ----------
@@ -88,11 +88,11 @@ class Division:
     Attributes
     ----------
     windows : list of TimeWindow
-        Of whole steps, with about as many gains each.
+        Windows of whole steps, with about equal numbers of gains.
     weights, prices : (S,), (K,) float arrays
-        What is joined so far.
+        Joined answers so far.
     done : int
-        How many windows that is.
+        Number of windows that are joined.
     """
 
     def __init__(self, states: States) -> None:
@@ -124,7 +124,7 @@ class Division:
         ]
 
     def problem_of(self, window: TimeWindow) -> States:
-        """Return the window as a problem of its own, whose first step is 0."""
+        """Return the window as a separate problem, whose first step is 0."""
         problem, (first, stop) = self.states.problem, window[2:]
         steps = first, stop
         own = slice(*np.searchsorted(self._step, steps).tolist())
@@ -147,13 +147,13 @@ class Division:
             pair_share=None,
             unjudged=None,
         )
-        # Columns are estimates, as in the block: each may need its prices.
+        # Columns are estimates, as in the block, because each may need prices.
         return merge_runs(piece, transpose=False)
 
     def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
-        """Keep what was found for the core of a window.
+        """Keep the answer for the core of a window.
 
-        A state is kept that lies in the core, and the price of a slot that begins there.
+        Kept are the weights of states inside the core, and the prices of slots that begin in it.
         """
         whole, (low, high, first, _) = self.states, window
         home = self._homes(first, piece)
@@ -169,7 +169,7 @@ class Division:
         self.done += 1
 
     def _homes(self, first: int, piece: States) -> Ints:
-        """Return where each state of a window is in the block; for a run cut off, the run."""
+        """Return the place of each state of a window in the block; of a cut run, the whole run."""
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
         run = piece.entry < 0
@@ -184,10 +184,10 @@ class Division:
         return home
 
     def join(self) -> Floats:
-        """Join feasible weights of all states; fill in runs that no window contains whole.
+        """Return joined feasible weights of all states; fill in runs that no window contains whole.
 
-        A run between two gains costs nothing at the lesser weight of both, and frees most room
-        there; at the ends of the block it costs nothing at the weight of its gain.
+        A run between two gains adds no cost at the lesser of their weights, and then needs the
+        least room. At the ends of the block a run adds no cost at the weight of its gain.
         """
         states, weights = self.states, self.weights
         run = np.flatnonzero(states.entry < 0)
@@ -208,21 +208,21 @@ class Division:
 
 
 class TimeShares:
-    """The time for windows in equal shares: what one does not need is for those that come later.
+    """Equal shares of the time for windows; later windows may use the time that others leave.
 
-    So a time limit that is too short leaves all of them half solved, and not some unsolved.
+    So a time limit that is too short leaves all windows half solved, and not some unsolved.
 
     Parameters
     ----------
     limit : Limit
-        For everything.
+        Limit of the whole solution.
     threads : int
-        How many work at once.
+        Number of windows that are solved at once.
 
     Attributes
     ----------
     waiting : int
-        Windows that have not begun.
+        Number of windows that have not begun.
     """
 
     def __init__(self, limit: Limit, threads: int) -> None:
@@ -232,7 +232,7 @@ class TimeShares:
         self.threads, self.waiting = threads, 0
 
     def take(self) -> Limit:
-        """Return the limit until which the next waiting window may go on."""
+        """Return the limit of the next waiting window."""
         waiting = max(self.waiting, 1)
         self.waiting -= 1
         if self.until is None:
@@ -247,7 +247,7 @@ def _too_full(slots: Slots, weights: Floats) -> Mask:
 
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
-    """Lessen the weights of those runs where a slot is too full, in place; the shortest stay."""
+    """Lower the weights of the runs in slots that are too full, in place; prefer short runs."""
     wanted = weights[runs]
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
@@ -275,29 +275,29 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
 
 
 BATCH_STATES = 20_000
-"""States of a batch of small blocks: enough to hide the cost of a call."""
+"""Number of states of a batch of small blocks: enough to hide the cost of a call."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockBatch:
-    """Some neighbouring blocks, those of them that are to be solved, and until when.
+    """Some neighbouring blocks, the ones to solve, and the limit.
 
     Parameters
     ----------
     states : States
         The blocks.
     wanted : (B,) bool array
-        Which to solve.
+        Blocks to solve.
     quickly : (B,) bool array
-        Others, that are solved if that takes no time; they are open otherwise.
+        Other blocks, which are solved if that takes hardly any time and stay open otherwise.
     weights, prices : (S,), (K,) float arrays
-        Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
+        Arrays for the answer, as in `Solution`; zeros in the wanted blocks at first.
     limit : Limit
-        Until when to go on.
+        Time limit and request to stop.
     progress : BatchProgress
-        Takes what is known on the way.
+        Receiver of the brackets on the way.
     warm_start : WarmStart, optional
-        What may solve some blocks already.
+        Proposals that may already solve some blocks.
     """
 
     states: States
@@ -317,18 +317,18 @@ class Answer:
     Parameters
     ----------
     iterations : int
-        Sweeps and simplex iterations.
+        Number of sweeps and of iterations of programmes.
     status, detail : Status, str
-        How it ended, for the user.
+        Reason for which the work stopped, and its details, for the user.
     open : int array
         Blocks that were not solved.
     work, sweeping : int, float
-        States times half sweeps, and the seconds that they took.
+        States times half sweeps, and their time in seconds.
     seconds : dict
-        Time by kind of work.
+        Seconds by kind of work.
     history : tuple of dict
         Convergence, one record per check: ``sweep``, ``epsilon``, ``violation``, and the costs
-        ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
+            ``lower`` and ``upper`` of the blocks, less the cost of leaving all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """
@@ -345,7 +345,7 @@ class Answer:
 
 
 Trivial = Callable[[States, Floats, Floats], Ints]
-"""Writes weights and prices of the blocks that need no solver; returns the others."""
+"""Callable that writes weights and prices of trivial blocks, and returns the other blocks."""
 
 
 @dataclass(frozen=True)
@@ -355,15 +355,15 @@ class Routine:
     Parameters
     ----------
     trivial : Trivial
-        One of `solvers.trivial`.
+        One of the functions of `solvers.trivial`.
     solve : callable
-        Solves one batch; called from several threads.
+        Function that solves one batch; called from several threads.
     jobs : int, optional
-        Threads, all cores by default.
+        Number of threads; all cores by default.
     tries : bool
-        Whether `solve` looks at blocks that are only to be tried.
+        Whether `solve` also tries the blocks to solve `quickly`.
     resumes : bool
-        Whether `solve` can begin from something: long blocks are solved in windows of time first.
+        Whether `solve` can use a warm start. Long blocks are then solved in windows of time first.
     """
 
     trivial: Trivial
@@ -374,7 +374,7 @@ class Routine:
 
 
 class BatchSolver(Solver):
-    """A solver that takes blocks batch by batch."""
+    """Solver that solves blocks batch by batch."""
 
     @property
     @abstractmethod
@@ -384,16 +384,17 @@ class BatchSolver(Solver):
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: WarmStart | None = None
     ) -> Solution:
-        """Solve batch by batch, what is trivial first, and put the answers together.
+        """Solve batch by batch, trivial blocks first, and join the answers.
 
         Parameters
         ----------
         states : States
             The reduced problem.
         stopwatch : Stopwatch
-            Gets the time by kind of work; of several threads, their shares of the time on the wall.
+            Receives the time by kind of work. With several threads, elapsed time is divided in
+            proportion to their times.
         warm_start : WarmStart, optional
-            What may solve some blocks already; routines that cannot begin from it pass it over.
+            Proposals that may already solve some blocks. Routines that do not resume ignore it.
         """
         routine, progress = self.routine, stopwatch.progress
         limit = Limit.of(self.time_limit, progress)
@@ -421,9 +422,9 @@ def _solve_some(
     limit: Limit,
     warm_start: WarmStart | None,
 ) -> Solution:
-    """Solve the wanted blocks batch by batch, and other blocks that are `quickly` solved.
+    """Solve the wanted blocks batch by batch, and others that can be solved `quickly`.
 
-    Long blocks are batches of their own, which begin from what is found for windows of them.
+    Each long block is a separate batch, which begins from the answers of its windows.
     """
     wanted, quickly = masks
     weights = np.zeros(len(states.begin))
@@ -456,7 +457,7 @@ def _solve_some(
             progress=BatchProgress(bracket, number, part, weights[state], quickly[blocks]),
             warm_start=start,
         )
-        with np.errstate(under="ignore"):  # each thread begins with default error handling
+        with np.errstate(under="ignore"):  # each thread begins with the default error handling
             answer = _answer(batch, routine)
             if limit.progress.watched and len(cuts) > 1:
                 batch.progress.finish()
@@ -497,7 +498,7 @@ def _solve_some(
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # If batches ended differently, report what kept one from being solved.
+    # If batches stopped for different reasons, report why one was not solved.
     ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
     worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
@@ -515,7 +516,7 @@ def _solve_some(
 
 
 def _separated(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
-    """Return the ranges divided further, so that each long block is by itself."""
+    """Return the ranges, divided so that each long block is a separate range."""
     if not len(long):
         return cuts
     edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
@@ -543,7 +544,7 @@ def _solve_window(
 
 
 def _answer(batch: BlockBatch, routine: Routine) -> Answer:
-    """Solve a batch, of the wanted blocks those that are not trivial."""
+    """Solve a batch: trivial blocks first, then the other wanted blocks."""
     states, quickly = batch.states, batch.quickly
     begin = time.perf_counter()
     left = routine.trivial(states, batch.weights, batch.prices)
@@ -563,7 +564,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
         answer = replace(answer, open=np.flatnonzero(open_))
     begin = time.perf_counter()
     settle(states, batch.wanted, batch.weights)
-    spent = answer.seconds  # the time of this answer only
+    spent = answer.seconds  # seconds of this answer only
     for name, seconds in (("rounding", time.perf_counter() - begin), ("preparation", preparation)):
         spent[name] = spent.get(name, 0.0) + seconds
     return answer
@@ -585,7 +586,7 @@ def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
 def _merge(
     states: States, cuts: list[tuple[int, int]], answers: list[Answer], weights: Floats
 ) -> tuple[dict[str, float], ...]:
-    """Merge histories side by side: costs add up, and the last of a shorter one stays."""
+    """Merge histories: costs are added, and the last record of a shorter history is repeated."""
     recorded = [answer for answer in answers if answer.history]
     merged: list[dict[str, float]] = []
     if not recorded:

@@ -10,24 +10,25 @@ from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE, States, assigned, changes, repair, spare
 
 SETTLED_FROM = 1000.0
-"""At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
+"""Switch price below which the rounding of a switch costs less than 1e-9."""
 
 
 def price_cap(states: States) -> Floats:
-    """Return ``2 L g`` of each block, (B,), L its steps, g its largest gain: more is the same.
+    """Return ``2 L g`` of each block, (B,), with L steps and the largest gain g.
 
-    From (L - 1) g on no switch pays (docs/theory/reductions.md, "Switch price cap"). LP tolerances
-    are absolute, so huge prices harm.
+    From the switch price (L - 1) g on no switch pays, so that a higher price than 2 L g gives the
+    same optimum (docs/theory/reductions.md, "Switch price cap"). LP tolerances are absolute, so
+    huge prices cause errors.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * largest
 
 
 def settle(states: States, blocks: Mask, weights: Floats) -> None:
-    """Average the weights over time for each pair of those blocks where every price was cut.
+    """Average each pair's weights over time, in blocks with all switch prices above the cap.
 
-    There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
-    at the true price. The average over time is as feasible as what it averages.
+    There an optimum has no switches. Remainders of a solver (1e-12, for example) would be charged
+    at the true price. The average of feasible weights over time is feasible.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -44,7 +45,7 @@ def settle(states: States, blocks: Mask, weights: Floats) -> None:
 
 
 def unassigned_costs(states: States) -> Floats:
-    """Return the cost of each block if all its objects stay unassigned, (B,)."""
+    """Return the cost of each block with all its objects unassigned, (B,)."""
     blocks = len(states.block_begin)
     costs = zip(states.track_blocks, states.problem.unassigned_costs, strict=True)
     truths, estimates = (sum_by(of + 1, cost, blocks + 1)[1:] for of, cost in costs)
@@ -54,7 +55,7 @@ def unassigned_costs(states: States) -> Floats:
 def block_costs(states: States, weights: Floats) -> Floats:
     """Return ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` by block.
 
-    Of a proposed assignment, once that is made feasible; objects without a pair are left out.
+    The proposed assignment is made feasible first. Objects without a pair are left out.
     """
     return feasible_costs(states, repair(states, weights))
 
@@ -76,37 +77,37 @@ def feasible_costs(states: States, whole: Ints) -> Floats:
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:
-    """Return block by block the better of two proposed assignments."""
+    """Return the better of two proposed assignments in each block."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(states.states_of(wins), second, first)
 
 
 # -------------------------------------------------------------------------------------------------
-# The bracket during the work: what is proven of each batch, and cheap bounds of the rest.
+# The displayed bracket during the work: bounds of each batch, and cheap bounds of the rest.
 #
-# Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
+# It is not part of the result, whose bracket comes from `problem.certificate.certify`.
 
 BlockBrackets = tuple[Mask, Floats, Floats, Floats]
-"""Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
+"""Mask of some blocks; width of the bracket, cost, and cost if unassigned, of all blocks."""
 
 FINEST = 1e-12
-"""Relative gap that is as good as none."""
+"""Smallest relative gap in the display of progress."""
 
 SUM_MARGIN = 1e-12
-"""Share of the cost of leaving all unassigned, above what sums in solvers lose."""
+"""Share of the cost of leaving all unassigned that exceeds the rounding of sums in solvers."""
 
 
 class BracketProgress:
-    """Adds up what is known of the batches; called from several threads.
+    """Sum of the brackets of the batches; called from several threads.
 
     Parameters
     ----------
     states : States
         The problem.
     cuts : list of pair of int
-        Blocks of each batch.
+        Range of the blocks of each batch.
     progress : Progress
-        Where it is shown.
+        Receiver of the share and the bracket.
     """
 
     def __init__(self, states: States, cuts: list[tuple[int, int]], progress: Progress) -> None:
@@ -116,17 +117,17 @@ class BracketProgress:
 
     @cached_property
     def unassigned(self) -> Floats:
-        """Cost of each batch if all its objects stay unassigned."""
+        """Cost of each batch with all its objects unassigned."""
         costs = unassigned_costs(self.states)
         return np.array([costs[slice(*span)].sum() for span in self.cuts])
 
     @cached_property
     def unassigned_total(self) -> float:
-        """Cost of the whole if nothing is assigned."""
+        """Cost of the whole problem with nothing assigned."""
         return float(sum(side.price.sum() for side in self.states.problem.sides))
 
     def update(self, number: int, share: float, lower: float, upper: float) -> None:
-        """Report how much of a batch is done, and bounds of its cost less the unassigned cost."""
+        """Report the done share of a batch, and bounds of its cost less the unassigned cost."""
         self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
         self.begun[number] = True
         if not self.progress.due:
@@ -139,14 +140,14 @@ class BracketProgress:
         self.progress.done(float(self._sizes @ self.shares))
 
     def advance(self, number: int, share: float) -> None:
-        """Report how much of a batch is done, while nothing is proven."""
+        """Report the done share of a batch, before there are bounds."""
         self.shares[number] = share
         if self.progress.due:
             self.progress.done(float(self._sizes @ self.shares))
 
     @cached_property
     def _sizes(self) -> Floats:
-        """Shares of the batches in the whole."""
+        """Share of the states in each batch."""
         first = self.states.block_first[[0, *(high for _, high in self.cuts)]]
         sizes: Floats = np.diff(first) / max(len(self.states.begin), 1)
         return sizes
@@ -158,11 +159,11 @@ class BatchProgress:
     Parameters
     ----------
     whole : BracketProgress
-        Of all batches.
+        Progress of all batches.
     number : int
-        Of this one.
+        Number of this batch.
     states, weights, quickly : States, (S,) float array, (B,) bool array
-        Of the batch.
+        As in the `BlockBatch`.
     """
 
     def __init__(
@@ -185,17 +186,17 @@ class BatchProgress:
         unassigned: Floats,
         share: float,
     ) -> None:
-        """Report how much is done, and bounds of some blocks.
+        """Report the share that is done, and bounds of some blocks.
 
-        Width of the bracket, cost, and cost of leaving all unassigned are of all blocks, (B,). The
-        blocks that are left out are trivial: their weights in the batch are the best.
+        Width of the bracket, cost, and cost of leaving all unassigned are for all blocks, (B,).
+        Blocks outside the mask `blocks` are trivial: their weights in the batch are the best.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
             self._pass_on(self.known, share)
 
     def advance(self, share: float) -> None:
-        """Report how much is done, while nothing is proven."""
+        """Report the share that is done, before there are bounds."""
         self.whole.advance(self.number, share)
 
     def finish(self) -> None:
@@ -214,7 +215,7 @@ class BatchProgress:
 
 
 def _gains(states: States, weights: Floats) -> Floats:
-    """Return what proposed weights gain in each block, (B,)."""
+    """Return the gain of proposed weights in each block, (B,)."""
     block, blocks = states.block, len(states.block_begin)
     arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
     paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
@@ -222,7 +223,7 @@ def _gains(states: States, weights: Floats) -> Floats:
 
 
 def share_of_digits(width: float, cost: float, gap: float) -> float:
-    """Return how far a bracket has come from the cost to the gap, 0 to 1, by its digits."""
+    """Return the progress of a width from the cost to the gap, 0 to 1, on a logarithmic scale."""
     if width <= gap * cost:
         return 1.0
     if not 0.0 < width < cost or gap >= 1.0:

@@ -1,4 +1,4 @@
-"""Capacities as constraints of a linear programme, on the states that it decides."""
+"""Capacities as constraints of a linear programme on the states that it decides."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import Slots
 
 SAME_ROOM = 1e-12
-"""Rooms that differ by less are one."""
+"""Difference below which two rooms count as equal."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,13 +18,13 @@ class CapacityRows:
     Parameters
     ----------
     constraint, state : (nnz,) int arrays
-        Limit, and position among the chosen states, of every entry.
+        Constraint, and position among the chosen states, of every entry of the matrix.
     room : (L,) float array
-        What the held states leave.
+        Room that the fixed states leave in each constraint.
     price : (L,) float array
-        Sum of the prices of its slots.
+        Sum of the prices of the slots of each constraint.
     slot, of_slot : (k,), (k,) int arrays
-        The slots that have a constraint, and which.
+        The slots that have a constraint, and the constraint of each.
     """
 
     constraint: Ints
@@ -35,9 +35,10 @@ class CapacityRows:
     of_slot: Ints
 
     def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Return prices of the slots (k,) for new ones of the rows: a rise on the first, or scaled.
+        """Return new prices of the slots (k,) from new prices (L,) of the constraints.
 
-        `prices` (k,) are those that the slots had.
+        A rise is added to the first slot of a constraint; for a fall all its prices are scaled.
+        `prices` (k,) are the previous prices of the slots.
         """
         with np.errstate(invalid="ignore", divide="ignore"):
             factor = np.where(new < self.price, new / self.price, 1.0)
@@ -50,10 +51,10 @@ class CapacityRows:
 def capacity_rows(
     slots: Slots, chosen: Ints, fixed: Floats, prices: Floats | None = None
 ) -> CapacityRows:
-    """Return constraints of the chosen states, where `fixed` (S,) of the others use slots.
+    """Return the constraints of the chosen states; `fixed` (S,) are weights of the other states.
 
-    Neighbouring slots with the same states and the same room are one. Slots without a price (K,)
-    that have room for their only state are left out.
+    Neighbouring slots with the same states and the same room are one constraint. Slots with the
+    price 0, by `prices` (K,), that have room 1 for their only state are left out.
     """
     begin, end = slots.begin[chosen], slots.end[chosen]
     state = np.flatnonzero(end > begin)

@@ -1,6 +1,6 @@
-"""The certified solver: prices by entropic ascent, a linear programme for what they leave open.
+"""The certified solver: prices by entropic ascent, then linear programmes for undecided states.
 
-Whatever happens here only proposes; the bracket is made by `problem.certificate.certify`.
+All results are only proposals; `problem.certificate.certify` makes the bracket.
 """
 
 import time
@@ -38,8 +38,8 @@ class Certified(BatchSolver):
         Relative gap of the total that counts as exact.
     time_limit : float, optional
         Seconds; the solution reached by then is returned, with proven bounds.
-    jobs : int, optional
-        Threads; all cores by default. The result does not depend on it.
+        jobs : int, optional
+            Number of threads; all cores by default. The result does not depend on it.
 
     Raises
     ------
@@ -58,9 +58,9 @@ class Certified(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Solve every block exactly, or as far as the time limit allows.
+        """Work that solves every block exactly, or as far as the time limit allows.
 
-        Solutions of similar problems may solve some blocks at once; only kernels use them.
+        Solutions of similar problems may solve some blocks at once, with kernels only.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -71,11 +71,11 @@ class Certified(BatchSolver):
         )
 
     def _ascend(self, batch: BlockBatch) -> Answer:
-        """Run stages of sweeps, then programmes, until no bracket is wide."""
+        """Run stages of sweeps, then programmes, until all brackets are narrow."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
-        if near and batch.warm_start is not None:  # the prices of a warm start prove more than none
+        if near and batch.warm_start is not None:  # better than prices 0
             np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
@@ -89,7 +89,7 @@ class Certified(BatchSolver):
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
         left = places_of(ascent.open)
-        # Blocks that were only to be tried stay open if they are not closed by now.
+        # Blocks to solve `quickly` stay open if they are not solved by now.
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
@@ -118,7 +118,7 @@ class Certified(BatchSolver):
 
 
 def _try_steps(ascent: Ascent) -> float:
-    """Solve each step by itself if switches cost nearly nothing; return the scale of the rest."""
+    """Solve each step separately if switches cost nearly nothing; return the scale of the rest."""
     price = float(ascent.switch_price.max())
     if not ascent.open.any() or price >= ASCENT.stages[-1][0]:
         return 1.0
@@ -133,8 +133,8 @@ def _sweep(
 ) -> int:
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
-    If the prices are good already (`near` the best, or all but changes of a `unit` below 1 are
-    known), the stages begin from them.
+    The stages begin from the prices if these are good: `near` the best prices, or, with a `unit`
+    below 1, known up to changes of the size of the unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices
@@ -172,7 +172,7 @@ def _sweep(
 
 
 def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
-    """Sweep at one temperature, with new working sets until prices settle; count the sweeps."""
+    """Sweep at one temperature, with new working sets until prices settle; return the sweeps."""
     calm = ASCENT.calm if stage[0] > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):

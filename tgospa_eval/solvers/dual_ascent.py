@@ -2,8 +2,8 @@
 
     Z(v) - P(W) = sum_i (best_i - own_i) + sum v (1 - load)
 
-is the width of the bracket (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). Bounds
-here steer the solvers; those that are reported are made anew by `problem.certificate`.
+is the width of the bracket (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). These
+bounds steer the solvers; `problem.certificate` computes the reported bounds again.
 """
 
 import time
@@ -22,34 +22,34 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""A chain has at most so many links for each state, or so many; else its threshold is halved,
-unless it is tiny."""
+"""Limits of the links of a chain, for each state and in all (the larger counts). Beyond these the
+threshold is halved, unless it is below MIN_THRESHOLD."""
 
 SWEPT_AT_ONCE = 100_000
-"""Links times sweeps before anyone looks at the clock: about a millisecond."""
+"""Links times sweeps between two looks at the clock: about a millisecond."""
 
 PRICE_ROUNDING = 8 * 2.0**-53
-"""Error of a sum of prices along a path, as a fraction of all of them: the kernels sum in
-two parts and relative to "none", so that the length of a recording does not count."""
+"""Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels sum in
+two parts and relative to "none", so that it does not grow with the length of a recording."""
 
 
 class Ascent:
     """Prices, assignments and both bounds of some blocks on the way to the optimum.
 
-    Gains are relative to the cheapest pair of each row and step, so that small costs keep their
-    digits; so are all values. Nothing but width and cost of a bracket has a meaning outside.
+    Gains and values are relative to the cheapest pair of each row and step, so that small costs
+    keep their digits. Outside this class, only the width and the cost of a bracket have a meaning.
 
     Parameters
     ----------
     states : States
         The blocks.
     wanted : (B,) bool array
-        Those that take part until `keep` leaves more out.
+        Blocks that take part, until `keep` leaves more of them out.
     gap : float
         Relative gap at which no further candidates are tried.
     weights, prices : (S,), (K,) float arrays
-        Where the best assignment and the best prices are kept. In the wanted blocks, and nothing
-        else is written to, weights come as zeros, and prices as those to begin with.
+        Arrays for the best assignment and the best prices, written in the wanted blocks only. There
+        weights must be zeros at first, and prices are the first prices.
 
     Attributes
     ----------
@@ -58,15 +58,15 @@ class Ascent:
     masses : (S,) float array
         Share of the paths of its row through each state at the end of the last stage.
     dual, primal : (B,), (B,) float arrays
-        What the prices prove that a block can gain at most, and what the assignment gains.
+        Upper bound of the gain of each block by the prices, and gain of the assignment.
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Mask of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Bits of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
-        States, those of being in none included, times half sweeps; the seconds that they took.
+        States (including "none") times half sweeps, and their time in seconds.
     seconds : dict
-        Time by kind of work.
+        Seconds by kind of work.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Ascent:
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
-        price = states.problem.weight(slice(None))  # one of all entries, or one of each
+        price = states.problem.weight(slice(None))  # one for all entries, or one for each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         self.layout = kernels.Layout(states, self.switch_price, *both)
         self.work, self.sweeping = 0, 0.0
@@ -103,7 +103,7 @@ class Ascent:
         self.brackets.round(0)
 
     def keep(self, blocks: Mask) -> None:
-        """Go on with these blocks only."""
+        """Continue with these blocks only."""
         if blocks.tobytes() == self.open.tobytes():
             return
         self.open = blocks
@@ -150,31 +150,31 @@ class Ascent:
         return float(costs.mean()) if len(costs) else 1.0
 
     def wide(self, gap: float | None = None) -> Mask:
-        """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
+        """Return the open blocks with a relative gap above `gap`, by default the wanted gap."""
         wide: Mask = self.brackets.wide(self.wanted_gap if gap is None else gap)
         return wide
 
     def mark(self, prices: Floats, reach: float) -> None:
-        """Set `flags` of every state at the prices, and the value of each row's best assignment.
+        """Set the `flags` of every state at the prices, and the value of each row's best weights.
 
-        States with slack up to `reach` are near.
+        States with slack up to `reach` are NEAR.
         """
         self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> Mask:
-        """Return which states were last marked with a flag, (S,)."""
+        """Return whether the last `mark` gave each state a flag, (S,)."""
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
-        """Take the prices in the open blocks where they prove more."""
+        """Keep the prices in the open blocks in which they prove more."""
         self.brackets.try_prices(prices)
 
     def try_weights(self, weights: Floats) -> None:
-        """Take the feasible assignment in the open blocks where it gains more."""
+        """Keep the feasible assignment in the open blocks in which it gains more."""
         self.brackets.try_weights(weights)
 
     def try_steps(self) -> None:
-        """Take prices and assignment that are best if switches are free, where they are better."""
+        """Try the prices and the assignment that are best if switches are free."""
         weights, prices = np.zeros(len(self.weights)), np.zeros(len(self.prices))
         assign_steps(self.states, self.open, weights, prices)
         self.try_prices(prices)
@@ -188,10 +188,10 @@ class Ascent:
         late: Callable[[], bool],
         calm: float = 0.0,
     ) -> tuple[int, float]:
-        """Sweep at a temperature and judge; number of sweeps, and the largest violation at the end.
+        """Sweep at a temperature, then update both bounds; return sweeps and last violation.
 
-        The working set are the states with slack up to `threshold`, and those in use. It ends
-        early when no column is violated by more than `calm`.
+        The working set has the states with slack up to `threshold` and the states in use. Sweeps
+        end early if the largest violation of a column is less than `calm`.
         """
         begin = time.perf_counter()
         chain = self._chain(threshold)
@@ -226,9 +226,9 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Try prices only where two states compete, as mostly rounding keeps a bracket wide.
+        """Try prices only in slots for which states compete, if mostly rounding widens a bracket.
 
-        A price that nobody competes for is as good as none, but sums of prices lose digits.
+        Without competition the price of a slot proves no more than 0, and sums lose digits.
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
@@ -243,19 +243,19 @@ class Ascent:
             chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, max_links)
             if chain.links <= max_links:
                 return chain
-            if threshold < MIN_THRESHOLD:  # so many tie that no smaller set is in sight
+            if threshold < MIN_THRESHOLD:  # so many states tie that the set does not become smaller
                 max_links = chain.links
             threshold *= 0.5
 
     def full(self) -> Mask:
-        """Return whether the best assignment uses each column slot up, (K,)."""
+        """Return whether each column slot is full in the best assignment, (K,)."""
         return self.states.columns.loads(self.weights) > 1 - 1e-9
 
     def near(self, also: Mask) -> Mask:
-        """Return states that a programme may have to decide, after `mark`, (S,).
+        """Return the states that a programme may have to decide, after `mark`, (S,).
 
-        Near are the states within its reach, those in use and those in `also`. Where a row
-        has one of them only, and cannot well do without, it is decided.
+        These are the states within its reach, the states in use and those in `also`. A state is
+        decided if it is in use and NEEDED, and its row has no other such state at its steps.
         """
         rows = self.states.rows
         near = self.has(kernels.NEAR)
@@ -269,7 +269,7 @@ class Ascent:
         return near
 
     def within(self, near: Mask, steps: Mask) -> Mask:
-        """Return those of the states that last through one of the steps (T,)."""
+        """Return the near states that last through at least one of the steps (T,)."""
         count = np.concatenate(([0], np.cumsum(steps)))
         lasting = near.copy()
         lasting &= count[self.states.end + 1] > count[self.states.begin]
@@ -278,7 +278,7 @@ class Ascent:
     def losses(self, prices: Floats) -> Floats:
         """Return the gap of the best weights by step, in the open blocks, (T,).
 
-        The regret of a row counts at the step from which on it cannot be avoided.
+        The regret of a row is booked at the steps from which on it cannot be avoided.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
@@ -289,10 +289,10 @@ class Ascent:
         return lost[:-1]
 
     def undecided(self, near: Mask) -> tuple[Ints, Ints]:
-        """Return the near states that are not decided, and the component of each.
+        """Return the states of undecided components, and the component of each.
 
-        They fall apart into components through shared slots and transitions; wanted are those with
-        a seed, where a term of the identity of the gap is not 0.
+        Shared slots and transitions join the near states to components. A component is undecided if
+        it has a seed: a state at which a term of the identity of the gap is not 0.
         """
         free = np.flatnonzero(near)
         component = self._components(free)
@@ -302,7 +302,7 @@ class Ascent:
         return free[wanted], component[wanted]
 
     def _seeds(self, free: Ints) -> Mask:
-        """Return which of the free states show that the gap is open."""
+        """Return whether each free state is a seed, which shows that the gap is open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
         rows = self.layout.rows
@@ -321,7 +321,7 @@ class Ascent:
         return seed
 
     def _components(self, free: Ints) -> Ints:
-        """Return a number for each free state, the same for connected ones."""
+        """Return a number for each free state, which connected states share."""
         s = self.states
         pair = s.pairs_of(free)
         size = len(free)

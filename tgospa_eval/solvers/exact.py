@@ -1,7 +1,7 @@
 """The referee: the linear programme in CVXPY, solved by the interior point method Clarabel.
 
-Shares with the other solvers only the reduced problem and the trivial blocks; slower, but another
-formulation, another modelling tool and another algorithm. The only file that knows cvxpy.
+It shares only the reduced problem and the trivial blocks with the other solvers. It is slower, but
+has another formulation, another modelling tool and another algorithm. No other file imports cvxpy.
 """
 
 import sys
@@ -24,20 +24,19 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
-"""Seconds that importing cvxpy takes; that compiling a programme takes for each state; and a first
-factorisation by Clarabel, for each state and that power of the states that begin at a step. Nothing
-can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
-of three."""
+"""Seconds for importing cvxpy; for compiling a programme, per state; and for a first factorisation
+by Clarabel, per state times this power of the mean number of states that begin at a step. These
+cannot be stopped. Measured on crowds of 2,000 to 40,000 states, within a factor of three."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
     "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bracket says how good it is
     "user_limit": Status.LATE,
 }
-"""Names in CVXPY of the possible outcomes."""
+"""Status by the name of the outcome in CVXPY."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Problem, weights and column constraints of CVXPY, which is untyped; and our columns."""
+"""Problem, weights and column constraints of CVXPY, which is untyped; and their `CapacityRows`."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -72,7 +71,7 @@ class Exact(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Solve every block that is not trivial, each as a fresh problem: it takes no start."""
+        """Work that solves each block that is not trivial separately, without a warm start."""
         return Routine(solve_rows, _solve_blocks, self.jobs)
 
 
@@ -96,7 +95,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
             late = status == batch.limit.status
             batch.weights[state], batch.prices[slot] = _read(programme, part, given, late=late)
     settle(states, batch.wanted, batch.weights)
-    # An interior point leaves a little of everything everywhere, at full price.
+    # An interior point leaves small weights everywhere, at full price.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
     batch.weights[:] = better(states, batch.weights, round_paths(states, value, batch.weights))
     status, detail = failures[0] if failures else (Status.SOLVED, "")
@@ -113,7 +112,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
 def _solve_block(
     batch: BlockBatch, part: States, seconds: dict[str, float]
 ) -> tuple[Status, str, int, Programme | None]:
-    """Solve a block if there is time: how it ended, iterations, and what Clarabel was given."""
+    """Solve a block if there is time; return status, detail, iterations and the programme."""
     limit = batch.limit
     build, factor = _seconds(part)
     if _short(batch, build + factor):
@@ -126,11 +125,11 @@ def _solve_block(
         if _short(batch, factor):
             return limit.status, "", 0, None
         left = limit.left()
-        # Clarabel checks the time only after an iteration, each of which takes a factorisation.
+        # Clarabel checks the time only after an iteration, which needs a factorisation.
         until = None if left is None else left - 0.5 * factor
         status, detail, steps = limit.progress.in_thread(lambda: _solve(programme, until))
         seconds["lp"] += time.perf_counter() - built
-    except StoppedError:  # Clarabel cannot be stopped: its thread goes on
+    except StoppedError:  # Clarabel cannot be stopped: its thread continues
         return limit.status, "", 0, None
     return limit.status if status == Status.LATE else status, detail, steps, programme
 
@@ -138,7 +137,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block by Clarabel, or the given ones."""
+    """Return weights and prices of a block by Clarabel, or the given ones without an answer."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:
@@ -147,7 +146,7 @@ def _read(
         none = np.zeros(len(priced.slot))
         duals = np.zeros(len(part.columns.step))
         duals[priced.slot] = priced.spread(np.maximum(columns.dual_value, 0.0), none)
-        # Prices of an iteration on the way may prove less than none.
+        # Prices of an early iteration may prove less than prices 0.
         if not late or dual_values(part, duals) < dual_values(part, 0 * duals):
             prices = duals
     return weights, prices
@@ -162,13 +161,13 @@ def _seconds(states: States) -> tuple[float, float]:
 
 
 def _short(batch: BlockBatch, seconds: float) -> bool:
-    """Return whether fewer seconds are left."""
+    """Return whether fewer seconds are left before the limit."""
     left = batch.limit.left()
     return left is not None and left < seconds
 
 
 def _build(states: States) -> Programme:
-    """Maximise gain w - price |D w| over w >= 0 with every slot at most full; of one block."""
+    """Build, for one block: maximise gain w - price |D w| over w >= 0, every slot at most full."""
     import clarabel  # noqa: F401  or cvxpy takes one that finds no memory for one that is missing
     import cvxpy as cp  # lazy: importing it takes longer than most evaluations
 
@@ -201,7 +200,7 @@ def _build(states: States) -> Programme:
 
 
 def _solve(programme: Programme, seconds: float | None) -> tuple[Status, str, int]:
-    """Run Clarabel; how it ended, and its iterations."""
+    """Run Clarabel; return status, detail and iterations."""
     import cvxpy as cp
 
     settings: dict[str, float] = dict(CLARABEL_SETTINGS)
@@ -215,5 +214,5 @@ def _solve(programme: Programme, seconds: float | None) -> tuple[Status, str, in
     except cp.error.SolverError as error:
         return Status.CLARABEL_FAILED, " ".join(str(error).split())[:80], 0
     if problem.status not in CVXPY_ENDS:
-        raise SolverError(f"Clarabel calls a programme {problem.status} that is neither")
+        raise SolverError(f"Clarabel reports {problem.status}, but every programme has an optimum")
     return CVXPY_ENDS[problem.status], "", int(problem.solver_stats.num_iters or 0)

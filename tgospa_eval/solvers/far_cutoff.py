@@ -1,9 +1,9 @@
-"""Blocks of which the cutoff is far above the errors are solved at a smaller cutoff.
+"""Blocks with a cutoff far above the errors are solved at a smaller cutoff.
 
-Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
-a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is in `problem.certificate`. Nothing here is trusted: the certificate evaluates
-the prices at the cutoff that they are for, and the assignment at that of the user.
+Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below them.
+At a fitting cutoff the problem is an ordinary one, with far fewer near pairs. The bound that its
+prices prove for the whole is in `problem.certificate`. The certificate does not trust this module:
+it evaluates the prices at their own cutoff, and the assignment at the requested cutoff.
 """
 
 from collections.abc import Callable
@@ -21,45 +21,45 @@ from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
 FAR_CUTOFF = 2.0**-8
-"""At a fraction of c^p up to this, a smaller cutoff is chosen before anything else is tried."""
+"""Fraction of c^p up to which a smaller cutoff is chosen before anything else is tried."""
 
 NEAR_CUTOFF = 2.0**-2
-"""Fractions above this are no different from 1."""
+"""Fraction of c^p above which the cutoff itself is used."""
 
 DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
-"""At a fraction of c^p below this the digits of a solver do not show whether a block is solved: the
-certificate is asked. It rounds outward by less than PROOF_ROUNDING, relative."""
+"""Fraction of c^p below which the digits of a solver do not show whether a block is solved, so that
+the certificate decides. It rounds outward by less than PROOF_ROUNDING, relative."""
 
 CUTOFF_ROOM = 16.0
-"""A cutoff price fits that is so many times the largest cost that cannot be avoided."""
+"""Ratio of a fitting cutoff price to the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""Factor by which a too small cutoff price grows; inside a problem that is tried again
-at once to where it began, or all that was tried before would be tried again."""
+"""Factors by which a too small cutoff price grows. LEAP is for inner problems of a later attempt,
+and leads directly to their own cutoff, because smaller ones were already tried."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]
-"""Solves at the cutoff of a problem the wanted blocks (B,), and those of others (B,) that are
-quickly solved; `Solution.missing` marks those that were not solved."""
+"""Callable that solves, at the cutoff of a problem, the wanted blocks (B,), and those of a second
+mask (B,) that can be solved quickly. `Solution.missing` marks the blocks that were not solved."""
 
 
 def solve_at_fitting_cutoffs(
     states: States, base: Base, *, gap: float, limit: Limit, step: float = STEP
 ) -> Solution:
-    """Solve each block at its cutoff, or at a smaller one where that is far above its costs.
+    """Solve each block at its cutoff, or at a smaller cutoff if its own is far above its costs.
 
     Parameters
     ----------
     states : States
         The problem.
     base : Base
-        Solves at the cutoff as it is.
+        Callable that solves at the cutoff of the problem.
     gap : float
         Relative gap that counts as exact.
     limit : Limit
-        Until when to try.
+        Time limit and request to stop.
     step : float
-        By how much a cutoff price grows that turned out too small.
+        Factor by which a too small cutoff price grows.
     """
     scale = fitting_scales(states)
     far = scale < 1
@@ -84,14 +84,14 @@ def solve_at_fitting_cutoffs(
 def fitting_scales(states: States) -> Floats:
     """Return a cutoff price for each block, as a fraction of c^p, a power of 2; 1 by default.
 
-    ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit"): there
-    an object may be left out, but not for nothing.
+    It is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit").
+    There an object may be left unassigned, but at a cost that is not negligible.
     """
     problem = states.problem
     blocks = len(states.block_begin)
     if problem.pair_price is None or not len(problem.cost):
         return np.ones(blocks)
-    # Truths alone often show that no cutoff is far.
+    # True objects alone often show that no cutoff is far above the costs.
     costs = _largest_cheapest_costs(states)
     if (CUTOFF_ROOM * costs > FAR_CUTOFF).all():
         return np.ones(blocks)
@@ -100,7 +100,7 @@ def fitting_scales(states: States) -> Floats:
         np.minimum.at(small, side.row, problem.cost)
         near = np.flatnonzero(small < np.inf)
         np.maximum.at(costs, blocks_of[side.track[near]], small[near])
-    # If all have a pair that costs nothing, try the first positive cost.
+    # If all objects have a pair that costs 0, try the least positive cost.
     small = np.full(blocks, np.max(problem.switch_price, initial=0.0))
     small[small == 0] = np.inf
     first = states.block_first
@@ -112,7 +112,7 @@ def fitting_scales(states: States) -> Floats:
 
 
 def _largest_cheapest_costs(states: States) -> Floats:
-    """Return the largest of the cheapest costs of truths at steps, by block, (B,)."""
+    """Return the largest of the cheapest pair costs of true objects at steps, by block, (B,)."""
     problem, blocks_of = states.problem, states.track_blocks[0]
     row, track = problem.truth_row, problem.truth_track
     largest = np.zeros(len(states.block_begin))
@@ -132,13 +132,13 @@ def _scales_of_costs(states: States, weights: Floats) -> Floats:
 
 
 def _powers(costs: Floats, largest: float) -> Floats:
-    """Return the power of 2 above CUTOFF_ROOM times each cost; 1 beyond the largest, or for 0."""
+    """Return the power of 2 above CUTOFF_ROOM times each cost; 1 if it is above `largest` or 0."""
     scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(costs, 1.0))[1])
     return np.where((costs > 0) & (scale <= largest), scale, 1.0)
 
 
 class _Ladder:
-    """Growing cutoffs until they fit, and the best solution on the way."""
+    """Growing cutoffs until they fit, and the best solution so far."""
 
     def __init__(
         self, states: States, first: Solution, base: Base, gap: float, limit: Limit, step: float
@@ -152,7 +152,7 @@ class _Ladder:
         self.parts: list[Reduced] = []
 
     def climb(self, scale: Floats) -> None:
-        """Solve the blocks whose scale is below 1, first there, then at larger ones."""
+        """Solve the blocks whose scale is below 1, first at this scale, then at larger scales."""
         pending, first = scale < 1, np.ones(len(scale), bool)
         while pending.any() and not self.limit.late():
             size = float(scale[pending].min())
@@ -185,7 +185,7 @@ class _Ladder:
         )
 
     def _attempt(self, chosen: Mask, scale: float, step: float) -> Mask:
-        """Solve at one smaller cutoff; where no larger one would do better."""
+        """Solve at one smaller cutoff; return blocks for which no larger one would be better."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
         solution = solve_at_fitting_cutoffs(
@@ -209,12 +209,12 @@ class _Ladder:
         met = width <= self.gap * self.cost
         missing = sum_by(home, solution.missing.astype(np.float64), blocks) > 0
         self.missing[chosen] = missing[chosen]
-        # If the smaller cutoff alone leaves it open, any larger one does too.
+        # If the gap at the smaller cutoff is most of the width, any larger one leaves it open too.
         fits: Mask = met | (own - lower > 0.5 * width)
         return fits
 
     def _solve_directly(self, chosen: Mask) -> None:
-        """Solve at the cutoff as it is."""
+        """Solve at the cutoff of the problem."""
         whole = self.base(self.states, chosen, np.zeros_like(chosen))
         self.iterations += whole.iterations
         prices = np.where(self.states.slots_of(chosen), whole.prices, 0.0)
@@ -225,7 +225,7 @@ class _Ladder:
         self.missing[chosen] = whole.missing[chosen]
 
     def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
-        """Use the weights where they cost less, and the prices."""
+        """Use the weights where they cost less, and the prices in all chosen blocks."""
         states = self.states
         mixed = np.where(states.states_of(chosen), weights, self.weights)
         cost = block_costs(states, mixed)
@@ -235,7 +235,7 @@ class _Ladder:
         self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 
     def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
-        """Let a part, or the prices at the cutoff itself, stand for these blocks."""
+        """Use a part, or the prices at the cutoff itself, as the proof of these blocks."""
         self.lower = np.where(wins, lower, self.lower)
         self.parts = [replace(other, blocks=other.blocks & ~wins) for other in self.parts]
         if part is not None:

@@ -1,12 +1,12 @@
-"""Interior point methods for programmes of which the optimum is fractional nearly everywhere.
+"""Interior point methods for programmes whose optimum is fractional nearly everywhere.
 
     maximise c w - paid r,  A w - r <= b,  w, r >= 0;    slacks s, and duals y >= 0 of A w - r <= b
 
-A basis of such an optimum is degenerate thousands of times, and the simplex method takes an
-iteration for each; here some twenty factorisations do. The best duals are far from unique: of all
-that fit, states that the programme leaves out are best served by those nearest to what was known.
-So duals are drawn there, which perturbs b by a thousandth of their distance; near the end they are
-drawn to where they are (the proximal point method), which leaves them there, and perturbs nothing.
+A basis of such an optimum is degenerate thousands of times, and the simplex method needs an
+iteration for each; here about twenty factorisations suffice. The best duals are far from unique.
+For states that the programme leaves out, the best of them are those nearest to the known duals. So
+duals are drawn there, which perturbs b by a thousandth of their distance. Near the end they are
+drawn to their own place (the proximal point method), which does not move or perturb anything.
 
 Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
@@ -26,29 +26,29 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 
 START, MIN_START = 10.0, 1e-4
-"""Product of a number and its dual at the start: so many times that of the numbers at hand, which
-is 1e-4 in a first round and 1e-6 in a last, or the second. With 1e-5 there a round takes up to a
-third more iterations."""
+"""Factor and minimum for the product of a number and its dual at the start. The factor is for the
+mean product of the given point: 1e-4 in a first round and 1e-6 in a last. With the minimum 1e-5 a
+round takes up to a third more iterations."""
 
 ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
-"""Mean products in c^p at which rounds that are not the last end, and the last; the first is also
-where duals are no longer drawn away. With 1e-7 less is proven, and the last round takes longer.
-What equations of the weights may lack then, which an iteration or two more divide by a hundred."""
+"""Mean products in c^p at which earlier rounds (ENOUGH) and the last round (END) end, and the
+allowed error of the equations of the weights then, which one or two more iterations divide by 100.
+Up to ENOUGH duals are drawn away. With ENOUGH 1e-7 less is proven, and the last round is longer."""
 
 PULL = 1e-3
-"""Stiffness of the pull on duals. With 1e-2 a first round proves less and the last may take twice
-the iterations; 1e-4 is as good."""
+"""Stiffness of the pull on duals. With 1e-2 a first round proves less, and the last round may take
+twice the iterations; 1e-4 is as good."""
 
 MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
-"""Limits of giving up: 10 to 25 iterations are usual. Below `END` a step shorter than the
-last says that only rounding is left."""
+"""Limits at which the method gives up: 10 to 25 iterations are usual. Below `END` a step shorter
+than SHORT means that only rounding is left."""
 
 PRIMAL_SHIFT = 1e-9
-"""Added to the diagonal: systems would be singular at the end."""
+"""Shift of the diagonal, without which systems would be singular at the end."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
-"""Corrections of centrality for each factorisation, which takes as long as ten of them, and how
-much longer steps have to become by one."""
+"""Largest number of corrections of centrality for each factorisation, which takes as long as ten of
+them; and the least gain of the step lengths for which a correction is kept."""
 
 NEAR_BOUND = 0.99
 """Share of the step to the nearest bound."""
@@ -56,7 +56,7 @@ NEAR_BOUND = 0.99
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inequalities:
-    """The programme at the top.
+    """The programme in the docstring of this module.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Inequalities:
     rises : (k,) int array
         The constraints that have a rise.
     paid : (k,) float array
-        Its price, the largest dual there.
+        Price of each rise, the largest dual of its constraint.
     """
 
     matrix: sparse.csr_array
@@ -80,7 +80,7 @@ class Inequalities:
 
 
 class _System:
-    """``[D A'; A -E]``: factors by QDLDL, in one order for all diagonals D and E."""
+    """Factors of ``[D A'; A -E]`` by QDLDL, in one order for all diagonals D and E."""
 
     def __init__(self, matrix: sparse.csr_array) -> None:
         rows, columns = matrix.shape
@@ -107,7 +107,7 @@ class _System:
             self.factors.update(self.upper, upper=True)
 
     def solve(self, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Solve for both parts of the right-hand side."""
+        """Return both parts of the solution for both parts of the right-hand side."""
         parts = self.factors.solve(np.concatenate((first, second)))
         return parts[: len(first)], parts[len(first) :]
 
@@ -120,11 +120,11 @@ def solve_nearest(
     *,
     exact: bool,
 ) -> tuple[Floats, Floats] | None:
-    """Return the best w (n,), and of the best y (m,) about those nearest to the start.
+    """Return the best w (n,), and nearly those of the best y (m,) that are nearest to the start.
 
-    ``minimise sum stiff (y - start)^2`` where complementary slackness holds. Up to rounding if it
-    is to be `exact`, else with mean products of `ENOUGH`. Nothing if numbers break down before, or
-    it is late.
+    They ``minimise sum stiff (y - start)^2`` where complementary slackness holds. With `exact` the
+    solution is exact up to rounding, otherwise the mean product is `ENOUGH`. The result is None if
+    numbers break down before, or if it is late.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -144,14 +144,14 @@ class _Newton:
     system : _System
     p : Inequalities
     x, d : (n + k + m,) float arrays
-        The point.
+        The point: numbers and their duals.
     centre, stiff : (m,) float arrays
-        Where duals are drawn to, and how stiff.
+        Values that the duals y are drawn to, and stiffness of this pull.
 
     Attributes
     ----------
     mean : float
-        Product of a number and its dual.
+        Mean product of a number and its dual.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class _Newton:
         self.second[p.rises] += self.rise / self.own
 
     def direction(self, change: Floats) -> tuple[Floats, Floats]:
-        """Return steps of both parts that change the products so, to first order."""
+        """Return steps of both parts that change the products by `change`, to first order."""
         other = self.lack - change[self.splits[1] :] / self.y
         rising = change[self.splits[0] : self.splits[1]] + self.rise * self.excess_rise
         other[self.rises] += rising / self.own
@@ -193,11 +193,11 @@ class _Newton:
         return dx, dd
 
     def steps(self, dx: Floats, dd: Floats) -> tuple[float, float]:
-        """Return the largest steps up to 1 that leave nothing negative."""
+        """Return the largest step lengths up to 1 at which all numbers stay >= 0."""
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
-        """Return predicted and corrected directions of both parts, and their steps."""
+        """Return directions of both parts, predicted and corrected, and their step lengths."""
         self.system.factor(self.first, self.second)
         x, d = self.x, self.d
         dx, dd = self.direction(-self.product)
@@ -228,7 +228,7 @@ def _iterate(
     exact: bool,
     late: Callable[[], bool],
 ) -> tuple[Floats, Floats] | None:
-    """Return w, rises and slacks, and their duals at the optimum; None if it is not reached."""
+    """Return w, rises and slacks, and their duals, at the optimum; None if it is not reached."""
     w, y = start
     slack = p.full - p.matrix @ w
     rise = np.maximum(-slack[p.rises], 0.0)
@@ -258,7 +258,7 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Return positive numbers with that product, or more for wrong signs; differences stay."""
+    """Return positive numbers with this product, or more for wrong signs; keep differences."""
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))
     difference = np.maximum(x, 0.0) - np.maximum(d, 0.0)

@@ -1,13 +1,11 @@
-"""Linear programmes on the states that prices left undecided, in rounds that reach farther.
+"""Linear programmes on the states that prices left undecided, in rounds of growing reach.
 
-Each is localised: what has slack above the reach or is decided is held, components without a share
-in the gap are left out (docs/theory/solvers.md, "Programmes"). What comes out is judged on all
-states; whether it is the optimum is not known here.
+Each programme is local: states that are decided or have slack above the reach are fixed, and
+components without a share in the gap are left out (docs/theory/solvers.md, "Programmes"). Bounds of
+the result are computed on all states; a programme does not show whether its result is optimal.
 
-Where no kernel was built: each block is one linear programme, by HiGHS alone.
-
-Sweeps in NumPy would take longer than that, and prove less (docs/theory/solvers.md, "Without
-compiled kernels").
+Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
+take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
 """
 
 import time
@@ -33,20 +31,20 @@ if TYPE_CHECKING:
 
 
 def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
-    """Return what some states, in order, touch, as a problem of its own.
+    """Return the part of the problem that some free states, in order, touch.
 
     Returns
     -------
     states : States
-        The rows and columns that the free states touch, with all that they could be in from the
-        step before the first free state to the step after the last. Column slots of other nodes
-        mean nothing.
+        The rows and columns that the free states touch, with all their states from the step before
+            the first free state to the step after the last. Column slots of other nodes have no
+            meaning.
     state : (S',) int array
-        Where its states are in the whole.
+        Place of each state of the part in the whole.
     free : (F,) int array
-        Its free states.
+        The free states of the part.
     slot : (K',) int array
-        Where the column slots of the free states are in the whole; of others anywhere.
+        Place of each column slot of the free states in the whole; arbitrary for other slots.
     """
     pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
@@ -91,7 +89,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # The slots of a touched node are those of the whole from the one at `before` on.
+    # The slots of a touched node are its slots of the whole, from the slot at `before` on.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -110,7 +108,8 @@ def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
     """Return the last place of each range from `low` to before `high` with a step <= `until`.
 
-    `low` - 1 where there is none. Steps rise in each range; all are searched by halves at once.
+    It is `low` - 1 if there is no such step. Steps rise in each range; all ranges are bisected at
+    once.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -125,20 +124,20 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Free states and priced slots of a programme, in the whole, and its proposal."""
+"""Free states and priced slots of a programme, by places in the whole, and its proposal."""
 
 
 class Programmes:
-    """Linear programmes beside an ascent, which keeps the best of what they find.
+    """Linear programmes next to an ascent, which keeps their best weights and prices.
 
     Attributes
     ----------
     iterations, seconds : int, float
-        Of HiGHS, and of all that is done here.
+        Iterations of HiGHS, and total time of this object.
     crowd : bool
         Whether the simplex method would take too long.
     unit : float
-        Of costs and reaches, in c^p: less than 1 where the brackets are narrow.
+        Unit of costs and reaches, in c^p: less than 1 if the brackets are narrow.
     """
 
     def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
@@ -156,10 +155,10 @@ class Programmes:
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
-        """Solve programmes at each reach until brackets are met; components up to `max_states`.
+        """Solve programmes at each reach until brackets are met, of components up to `max_states`.
 
-        Where very much is undecided, programmes look at the neighbourhood of what keeps the
-        brackets open first.
+        If very many states are undecided, programmes first solve the neighbourhood of the steps
+        that keep the brackets open.
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
@@ -187,7 +186,7 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_nearby(self, reach: float) -> None:
-        """Solve programmes in windows of a large problem, unless sweeps of all take less time."""
+        """Solve programmes in windows of a large problem, unless sweeps of all would be faster."""
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
             return
@@ -197,10 +196,10 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_crowd(self) -> None:
-        """Run the interior point method in rounds, where most weights are fractional.
+        """Run the interior point method in rounds, for problems with mostly fractional weights.
 
-        States that the prices of a round make attractive are in the next; after one that hardly
-        helped the reach is doubled.
+        States that the prices of a round make attractive are in the next round. After a round that
+        hardly helped, the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
@@ -217,7 +216,7 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def close_reach(self) -> float:
-        """Return the reach of a first programme where very much is undecided."""
+        """Return the reach of a first programme if very many states are undecided."""
         reach, loads = CROWDS.reach, self.ascent.states.rows.loads
         while reach > CROWDS.min_reach and loads(self._near(reach)).mean() > CROWDS.each:
             reach *= 0.5
@@ -229,7 +228,7 @@ class Programmes:
     def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
         """Solve programmes around the steps that keep brackets open, in growing windows.
 
-        Components of more than `max_states` states are left out, and windows of more than `room`.
+        Components of more than `max_states` states and windows of more than `room` are left out.
         """
         ascent = self.ascent
         span, first_reach = WINDOWS.span, reach
@@ -246,7 +245,7 @@ class Programmes:
             if ascent.open_gap > WINDOWS.shrink * before:
                 if max_states is not None:
                     return
-                # Either states outside win now, or the window is too short.
+                # Either states outside the reach are better now, or the window is too short.
                 if reach < WINDOWS.farther:
                     reach = WINDOWS.farther
                 else:
@@ -254,20 +253,20 @@ class Programmes:
             near = self._near(reach)
 
     def _nearly(self) -> bool:
-        """Return whether hardly anything is open."""
+        """Return whether the open gap is a tiny share of the cost."""
         return self.ascent.open_gap < PROGRAMMES.nearly * self.ascent.open_cost
 
     def _crowded(self, near: Mask) -> bool:
-        """Return whether one component of the undecided near states is large."""
+        """Return whether a component of the undecided near states is large."""
         if np.count_nonzero(near) <= PROGRAMMES.crowd:
             return False
         _, component = self.ascent.undecided(near)
         return bool(np.bincount(component).max(initial=0) > PROGRAMMES.crowd)
 
     def _near(self, reach: float) -> Mask:
-        """Return states that a programme may have to decide, (S,); set the unit of its costs.
+        """Return the states that a programme may have to decide, (S,); set the unit of its costs.
 
-        Paths that lose many times the gap can hardly have weight: reach shrinks with it.
+        Paths that lose many times the gap can hardly have weight: the reach shrinks with the gap.
         """
         _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
         self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
@@ -275,24 +274,24 @@ class Programmes:
         return self.ascent.near(self.tempted)
 
     def _solve_undecided(self, near: Mask, reach: float, max_states: int | None) -> bool:
-        """Solve what has to be decided among the states near; False if all of it is too large."""
+        """Solve the undecided components of the near states; return False if all are too large."""
         states = self.ascent.states
         free, component = self.ascent.undecided(near)
-        if not len(free) and np.isinf(reach):  # the bracket may be open by rounding alone
+        if not len(free) and np.isinf(reach):  # only rounding may keep the bracket open
             free = np.flatnonzero(states.states_of(self.ascent.open))
             component = states.pair_block[states.pair[free]]
         parts = groups(states, free, component, max_states)
         if parts:
             self._solve(parts)
             self.ascent.keep(self.ascent.wide())
-        # If nothing is undecided here, states farther away keep the bracket open.
+        # If no near state is undecided, states farther away keep the bracket open.
         return bool(parts) or not len(free)
 
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
-        """Propose what is best for each group of states, refined where tolerances matter.
+        """Propose the best weights and prices of each group of states, refined if need be.
 
-        The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state. Large
-        groups are solved by the interior point method, from the shares (S,), if there are any.
+        The prices of a programme may miss the best bound by `PROGRAMMES.tolerance` for each state.
+        With shares (S,), the interior point method solves large groups, beginning from the shares.
         """
         ascent, solved = self.ascent, []
         for group in parts:
@@ -318,7 +317,7 @@ class Programmes:
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
-        """Solve one programme: of the problem itself, or of what a group touches, cut out."""
+        """Solve one programme, of the whole problem or of the part that a group touches."""
         # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
@@ -349,24 +348,24 @@ class Programmes:
         return free, proposal.slot if slots is None else slots[proposal.slot], proposal
 
     def _refined(self, solved: list[Solved]) -> list[Solved]:
-        """Refine the duals of proposals to the last place."""
+        """Return the proposals with duals refined to the last place."""
         from tgospa_eval.solvers.restricted_lp import refine  # lazy: HiGHS is slow to import
 
         left = self.batch.limit.left
         return [(free, slot, refine(proposal, left())) for free, slot, proposal in solved]
 
     def _in_thread(self, work: Callable[[], T], size: int) -> T:
-        """Do work with a programme of so many states; HiGHS cannot be stopped, but left behind.
+        """Do work with a programme of `size` states. HiGHS cannot be stopped, only abandoned.
 
         Raises
         ------
         StoppedError
-            The run was interrupted, or its time was up, before the work had ended.
+            The run was interrupted, or its time was over, before the work ended.
         """
         return self.batch.limit.progress.in_thread(work) if size > PROGRAMMES.quick else work()
 
     def _propose(self, solved: list[Solved]) -> None:
-        """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
+        """Try weights, prices, and mixtures of prices, which may be better: the dual is convex."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
         for free, slot, proposal in solved:
@@ -392,7 +391,7 @@ class Programmes:
         ascent.try_prices(prices)
 
     def _propose_weights(self, free: Ints, proposed: Floats) -> None:
-        """Try the weights (S,), of which those of the free states are new, made feasible."""
+        """Make the weights (S,), which are new for the free states, feasible, and try them."""
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
@@ -403,7 +402,7 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try the new prices of the groups in whose time less is lost by them."""
+        """Try the new prices of those groups in whose time they do not raise the losses."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -418,7 +417,7 @@ class Programmes:
 
 
 def groups(states: States, free: Ints, component: Ints, max_states: int | None) -> list[Ints]:
-    """Group the free states by programme: components that are neighbours in time share one.
+    """Group the free states by programme; components that are near in time share one.
 
     Components of more than `max_states` states are left out.
     """
@@ -440,7 +439,7 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return steps (T,) within `span` of those that lose most, except for as much as is allowed."""
+    """Return the steps (T,) within `span` of those that lose most; the rest lose <= `allowed`."""
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
     change = np.zeros(len(lost) + 1, np.int32)
@@ -451,12 +450,13 @@ def windows(lost: Floats, allowed: float, span: int) -> Mask:
 
 
 INTERIOR = 25_000
-"""States from which on the interior point method begins: without prices there is no basis to start
-from. 47,000 states took 82 s, the simplex method more than 190 s, and 11,000 the same by either."""
+"""Number of states above which the interior point method is used first: without prices there is no
+starting basis. 47,000 states took 82 s, by the simplex method more than 190 s; 11,000 states took
+the same time by either method."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
-    """Solve each block of a batch; best paths, made feasible, where there is no time for it."""
+    """Solve each block of a batch; use feasible best paths for blocks without enough time."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
     for number in np.flatnonzero(batch.wanted).tolist():

@@ -1,4 +1,4 @@
-"""The restricted linear programme: what prices could not settle, by HiGHS, the rest held.
+"""The restricted linear programme: HiGHS decides some states, and all other states are fixed.
 
 HiGHS only proposes; bounds are evaluated on all states afterwards.
 """
@@ -31,23 +31,23 @@ class Programme:
     ----------
     states : States
     free : (F,) int array
-        The states that it decides, in order.
+        The states that the programme decides, in order.
     transition_reward : (F,) long float array
-        What all transitions add to the rewards of the free states.
+        Sum of the parts that all transitions add to the rewards of the free states.
     to, source : (A,) int arrays
-        Transitions that a rise of the weight is charged for, w[to] - w[source] <= constant + rise:
-        positions among the free states; `source` counts only where `two` are free.
+        Transitions with a charge for a rise of weight, w[to] - w[source] <= constant + rise, as
+        positions among the free states; `source` counts only if both states are free (`two`).
     two : (A,) bool array
     paid : (A,) float array
     rows, columns : CapacityRows
     before : (k,) float array
-        The prices of the slots of the columns, as they were.
+        Previous prices of the slots of the columns.
     reward : float array
     row, column, entry : (nnz,) arrays
-        A; nothing appears twice.
+        A, without duplicate entries.
     full, upper : float arrays
     unit : float
-        Costs that matter: HiGHS gets costs, and returns duals, in this unit.
+        Unit of the costs that HiGHS receives and of the duals that it returns.
     """
 
     states: States
@@ -82,14 +82,14 @@ class Programme:
 
     @cached_property
     def potentials(self) -> Floats:
-        """Duals >= 0 of all constraints that fit the prices; see `_potentials`."""
+        """Duals >= 0 of all constraints, consistent with the prices; see `_potentials`."""
         return _potentials(self)
 
     @cached_property
     def anchor(self) -> Floats:
-        """Duals <= 0 of all constraints, of which HiGHS finds the change.
+        """Duals <= 0 of all constraints; HiGHS finds their change.
 
-        The prices, the values of the rows at these, and half of what a change of weight may cost.
+        They are the prices, the values of the rows at these prices, and half the cost of a change.
         """
         dual = np.zeros(len(self.full))
         rows, columns, transitions = self.constraints
@@ -101,12 +101,12 @@ class Programme:
 
     @cached_property
     def idle(self) -> Ints:
-        """Constraints of which the model of HiGHS has the slack as a column, with a cost."""
+        """Constraints whose slack is a column with a cost in the model of HiGHS."""
         return np.flatnonzero(self.anchor)
 
     @cached_property
     def spare(self) -> Ints:
-        """The other constraints."""
+        """Constraints that are not `idle`."""
         return np.flatnonzero(self.anchor == 0)
 
     def reduced(self, dual: Floats) -> Floats:
@@ -117,10 +117,10 @@ class Programme:
 
     @cached_property
     def offset(self) -> Long:
-        """Common part of the gains of each constraint of the rows, 0 of other constraints.
+        """Common part of the gains of each constraint of the rows, 0 for other constraints.
 
-        Gains are A + B - cost: beside the prices A and B small costs lose digits. A row slot with a
-        gain is charged with A + B instead: its dual is that much smaller.
+        Gains are A + B - cost, where small costs lose digits next to the prices A and B. So a row
+        slot with a gain is charged with A + B: its dual is smaller by this amount.
         """
         entry, constraint = self.states.entry[self.free], self.rows.constraint
         count = np.bincount(self.rows.state, minlength=len(entry))
@@ -153,10 +153,10 @@ def make_programme(
     switch_price: Floats,
     unit: float = 1.0,
 ) -> Programme:
-    """Build the programme of the free states, in order, the others fixed at their weights.
+    """Build the programme of the free states, in order; other states are fixed at their weights.
 
-    maximise sum g_s w_s - sum_a price_a |w_a+1 - w_a| over w >= 0 with every slot at most full.
-    |d| = 2 max(d, 0) - d leaves one column and one row for each transition a.
+    It is: maximise sum g_s w_s - sum_a price_a |w_a+1 - w_a| over w >= 0 with every slot at most
+    full. |d| = 2 max(d, 0) - d leaves one column and one row for each transition a.
     """
     size = len(free)
     fixed = weights.copy()
@@ -202,7 +202,7 @@ def make_programme(
 
 
 def _prices(states: States, entry: Ints) -> Long:
-    """Return prices A + B of leaving the pairs of some entries unassigned."""
+    """Return the prices A + B of leaving the pairs of some entries unassigned."""
     problem = states.problem
     price: Long = problem.truth_price[problem.truth_row[entry]].astype(np.longdouble)
     price += problem.estimate_price[problem.estimate_row[entry]]
@@ -212,9 +212,10 @@ def _prices(states: States, entry: Ints) -> Long:
 def _moves(
     states: States, free: Ints, fixed: Floats, switch_price: Floats
 ) -> tuple[Long, Ints, Ints, Mask, Floats, Floats]:
-    """Return transitions between a free state and its pair's next, either of which may be fixed.
+    """Return the transitions between neighbouring states of a pair, of which one may be fixed.
 
-    `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and their constants.
+    The result is `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and the
+    constants of the transitions.
     """
     before = np.concatenate((free, free - 1))
     before.sort()
@@ -239,32 +240,32 @@ def _moves(
 
 
 def _position(ordered: Ints, sought: Ints) -> Ints:
-    """Return the position of each in the ordered numbers, -1 if it is not there."""
+    """Return the position of each sought number in the ordered numbers, -1 if it is missing."""
     at = np.minimum(np.searchsorted(ordered, sought), len(ordered) - 1)
     return np.where(ordered[at] == sought, at, -1)
 
 
 # -------------------------------------------------------------------------------------------------
-# The start of the simplex method: a basis that fits the prices.
+# The start of the simplex method: a basis that is consistent with the prices.
 #
 # A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular: factoring it leaves columns out and puts slacks in. It only decides how many
-# iterations follow.
+# singular, because HiGHS leaves columns out and puts slacks in when it factors the basis. The
+# starting basis only changes the number of iterations.
 
 
 MIN_STATES = 300
-"""Free states from which on a starting basis saves time: fewer take a few milliseconds without."""
+"""Free states from which on a starting basis saves time: fewer take a few milliseconds anyway."""
 
 BASIC = 1e-10
-"""Reduced costs and duals that are smaller count as zero."""
+"""Limit below which reduced costs and duals count as zero."""
 
 
 def suggest(p: Programme) -> tuple[Mask, Mask] | None:
-    """Suggest a basis by complementary slackness at the prices; None if it is too small.
+    """Suggest a basis by complementary slackness at the prices; None if the programme is small.
 
-    Prices alone leave the duals of rows and transitions open. Those of the shortest path problem
-    of each row are potentials, best values of paths that end in each state: see `_potentials`.
-    What has a reduced cost or a dual of about zero then is basic.
+    Prices do not determine the duals of rows and transitions. For the shortest path problem of each
+    row these are potentials, the best values of paths that end in each state: see `_potentials`.
+    Columns with a reduced cost near zero and constraints with a dual near zero are basic.
     """
     if not kernels or len(p.free) < MIN_STATES:
         return None
@@ -276,12 +277,13 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
 
 
 def _potentials(p: Programme) -> Floats:
-    """Return duals >= 0 of all constraints that fit the prices.
+    """Return duals >= 0 of all constraints that are consistent with the prices.
 
-    Along each row in time: h, the best value of a path that is in no state; F_s, that of a path
-    through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
-    dual of a constraint is the rise of h over it, and that of a transition with the price lambda is
-    lambda - f, with f = F_s - h cut to [-lambda, lambda], the relative value of s at that time.
+    Along each row in time, h is the best value of a path that is at "none". F_s is the best value
+    of a path through state s to its end, F_s = (F or h before) + gain - prices, and h rises to
+    F_s - lambda. The dual of a constraint is the rise of h over it. The dual of a transition with
+    the price lambda is lambda - f, where f = F_s - h, cut to [-lambda, lambda], is the relative
+    value of s at that time.
     """
     size = len(p.free)
     source, to, paid = p.source[p.two], p.to[p.two], p.paid[p.two]
@@ -317,10 +319,11 @@ def _potentials(p: Programme) -> Floats:
 
 
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return borders of constraints around each free state: its row, first border, and end.
+    """Return first and last border and row of each free state, and the first border of each row.
 
-    Each row has a border before its first constraint and one after each; borders are numbered row
-    by row. A state without a constraint lies where the one before it of its pair ends.
+    Each row has a border before its first constraint and one after each constraint; borders are
+    numbered row by row. A state without a constraint lies at the end of the state before it of its
+    pair.
     """
     states, size = p.states, len(p.free)
     pair = states.pairs_of(p.free)
@@ -347,30 +350,30 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""A programme with so many constraints that takes the simplex method more than so many iterations,
-or so much work, for each of them is dense with ties: the interior point method is up to ten times
-quicker there, and two to four times slower elsewhere. Work is the sum over the iterations of what a
-row of the inverse of the basis has other than 0, by a sample: 5 to 20 as a rule, 2,000 with ties.
-"""
+"""Least number of constraints of a large programme; limits of the iterations and of the work of the
+simplex method for each constraint; and rows in a sample. Beyond the limits a programme is dense
+with ties: there the interior point method is up to ten times faster, and two to four times slower
+elsewhere. The work of an iteration is the number of nonzeros in a row of the inverse of the basis,
+by a sample: 5 to 20 as a rule, 2,000 with ties."""
 
 TAKEN_FOR_ZERO = 1e-9
-"""Tolerance that HiGHS takes for zero."""
+"""Feasibility tolerance of HiGHS."""
 
 SCALE, SHIFT = 2.0**70, 2.0**20
-"""The correction of duals is scaled up by at most SCALE; costs in it are cut at SHIFT."""
+"""Largest factor by which the correction of duals is scaled up, and limit of its costs."""
 
 ROOMIER = 1e-6
-"""Columns have so much more room while duals are refined, so that of all best prices the least are
-taken: a basis that is best then is best without it, and prices near 1 drop small digits."""
+"""Additional room of columns while duals are refined. It selects the least of all best prices: a
+basis that is optimal with it is optimal without it, and prices near 1 lose small digits."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
-"""Duals are refined until none is wrong by more, or so many times."""
+"""Largest error of a dual after refinement, and largest number of refinements."""
 
 DENOMINATORS, SNAP_FRACTION = 64, 1e-9
-"""Weights this near to a fraction of a small denominator are meant to be it."""
+"""Largest denominator of a fraction that weights are set to, and largest distance from it."""
 
 SNAP_EXCESS = 1e-13
-"""Snapped weights may exceed a capacity by no more than this."""
+"""Largest excess of snapped weights over a capacity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -380,18 +383,18 @@ class Proposal:
     Parameters
     ----------
     weights : (F,) float array
-        Of the free states.
+        Weights of the free states.
     slot, prices : (k,), (k,) arrays
         Column slots, and their new prices.
     iterations : int
-        Of the simplex, or of the interior point method and what follows it.
+        Iterations of the simplex method, or of the interior point method and the crossover.
     finished : bool
         Whether HiGHS found an optimum.
     interior : bool
         Whether the simplex method would have taken too long.
     vertex : tuple, optional
-        What `refine` starts from, if it is finished: the programme, the duals of its constraints,
-        at most 0 because HiGHS minimises, and the basis, which takes long to be taken apart.
+        Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
+            (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
     """
 
     weights: Floats
@@ -416,8 +419,8 @@ def solve_restricted_lp(
 ) -> Proposal:
     """Return the best weights and prices of the free states; the others stay fixed.
 
-    `free` comes in order. With `interior` the simplex method is not tried first where a programme
-    is large: one like it took too long.
+    `free` must be in order. With `interior` the simplex method is not tried first for a large
+    programme, because it took too long for a similar one.
     """
     p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
@@ -444,7 +447,7 @@ def solve_restricted_lp(
 
 
 SOFT = 0.01
-"""Stiffness of potentials of rows and transitions, which are not kept, beside prices."""
+"""Stiffness of potentials of rows and transitions, which are not kept, relative to prices."""
 
 
 def solve_interior(
@@ -460,8 +463,8 @@ def solve_interior(
 ) -> Proposal | None:
     """Solve as `solve_restricted_lp` by the interior point method; None if numbers break down.
 
-    It begins at the `shares` (F,) and the prices, to which new ones are the nearest; up to rounding
-    if it is to be `exact`. Needs the compiled kernels.
+    It begins at the `shares` (F,) and the prices, and its prices are the nearest optimal ones. With
+    `exact` they are exact up to rounding. It needs the compiled kernels.
     """
     from scipy import sparse  # lazy: slow to import, and few scenes are crowds
 
@@ -497,10 +500,10 @@ def solve_interior(
 
 
 def refine(proposal: Proposal, seconds: float | None) -> Proposal:
-    """Refine the prices of a proposal to the last place, from 1e-9.
+    """Refine the prices of a proposal from 1e-9 to the last place.
 
     ``y <- y + y' / s`` with the duals y' of ``min s (c - A'y) x`` over the same polytope, from the
-    same basis; c - A'y in long doubles. Gleixner, Steffy and Wolter, "Iterative refinement for
+    same basis, with c - A'y in long doubles: Gleixner, Steffy and Wolter, "Iterative refinement for
     linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, and are columns.
     """
     if proposal.vertex is None:
@@ -552,7 +555,7 @@ def refine(proposal: Proposal, seconds: float | None) -> Proposal:
 
 
 def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
-    """Give the columns more room; slacks are columns of the model."""
+    """Set additional room of the columns; slacks are columns of the model."""
     columns = p.constraints[1]
     for row, room in enumerate((p.full[columns] + more).tolist(), columns.start):
         highs.changeRowBounds(row, room, room)
@@ -564,9 +567,9 @@ def _spread(p: Programme, dual: Floats) -> Floats:
 
 
 def _snapped(p: Programme, values: Floats) -> Floats:
-    """Snap weights near a fraction of a small denominator to it, if all fit then.
+    """Return the weights, set to nearby fractions with small denominators if capacities allow.
 
-    At a vertex weights are fractions, mostly 0, 1, 1/2 or 1/3, and HiGHS has them up to 1e-9.
+    At a vertex weights are fractions, mostly 0, 1, 1/2 or 1/3, and HiGHS returns them up to 1e-9.
     """
     weights = np.clip(values[p.parts[0]], 0.0, 1.0)
     left = np.flatnonzero((weights != 0) & (weights != 1))
@@ -590,7 +593,7 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
     """Return the programme for HiGHS: minimise the reduced costs at `anchor`.
 
-    Its duals say by how much those move. The slacks of some constraints are columns.
+    Its duals are the changes of the anchor. The slacks of some constraints are columns.
     """
     row = np.append(p.row, slack)
     column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
@@ -615,9 +618,9 @@ def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
 
 
 class _Silent(highspy.Highs):
-    """HiGHS that prints nothing: its constructor prints a banner when it enables callbacks.
+    """HiGHS without output. Since 1.16.0 its constructor prints a banner when it enables callbacks.
 
-    Since 1.16.0, and before any option can be set from outside. Callbacks are not used.
+    That is before any option can be set from outside. Callbacks are not used.
     """
 
     def enableCallbacks(self) -> None:  # noqa: N802
@@ -625,7 +628,7 @@ class _Silent(highspy.Highs):
 
 
 def _highs(model: highspy.HighsLp) -> highspy.Highs:
-    """Return HiGHS with the model and our options."""
+    """Return HiGHS with the model and the options of this package."""
     highs = _Silent()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
@@ -643,10 +646,10 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """Run HiGHS; return it, whether it is optimal, iterations, and whether they were too many.
+    """Run HiGHS; return it, whether it is optimal, iterations, and whether simplex is too slow.
 
-    The simplex method; the interior point method with crossover if that takes long or fails; and
-    the simplex method, however long it takes, if that fails in turn.
+    The simplex method is tried first. If it takes long or fails, the interior point method with
+    crossover follows. If this fails too, the simplex method follows without a limit of iterations.
     """
     deadline = None if seconds is None else time.monotonic() + seconds
     large = len(p.full) >= LARGE_LP
@@ -662,7 +665,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue("presolve", "on")  # without, ties keep it from its tolerances
+    highs.setOptionValue("presolve", "on")  # otherwise ties keep it from its tolerances
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
@@ -673,7 +676,7 @@ def _solve(
 
 
 def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run the simplex method as long as it pays; whether it found an optimum, and iterations."""
+    """Run the simplex method as long as it pays; return whether it is optimal, and iterations."""
     rows = highs.getNumRow()
     done, work, portion = 0, 0.0, 3 * rows // 8
     while True:
@@ -686,7 +689,7 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = done  # HiGHS restarts each run, and short ones never end where many costs tie
+        portion = done  # HiGHS restarts in each run, and short runs never end if many costs tie
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
@@ -701,7 +704,7 @@ def _over(deadline: float | None) -> bool:
 
 
 def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run until the deadline; whether that found an optimum, and the iterations it took."""
+    """Run until the deadline; return whether that found an optimum, and its iterations."""
     if deadline is not None:
         # HiGHS counts the time of all runs of a model.
         left = max(deadline - time.monotonic(), 0.0)

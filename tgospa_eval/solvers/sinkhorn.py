@@ -4,20 +4,20 @@
 
 over mixtures theta of the paths of each row. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
 computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
-(docs/theory/solvers.md, "Sinkhorn sweeps"). Reported is the bracket of the prices and of the
-rounded assignment, not the entropic value, which is no bound.
+(docs/theory/solvers.md, "Sinkhorn sweeps"). The result has the bracket of the prices and of the
+rounded assignment. The entropic value is not a bound.
 
-The value of the entropy-regularised problem itself: its primal and its dual, sweep by sweep.
+`entropic_trace` computes primal and dual of the entropy-regularised problem itself, sweep by sweep.
 
-With the paths pi of each row, mass theta on them and slack sigma of each column slot,
+With the paths pi of each row, mass theta on them and slack sigma of each column slot, it is
 
     min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma),
     sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot,
 
 the multimarginal problem of [Wernholm], theorem 1: a row is a marginal over paths, its path a place
-in the tensor, and sigma the mass of the row that stands for "none". It is on all states and all
-slots, and not on a working set as the sweeps of `Sinkhorn`: the number does not depend on
-how it is found. docs/theory/solvers.md, "The entropic value".
+in the tensor, and sigma the mass of the row that means "none". The problem has all states and all
+slots, and not a working set as the sweeps of `Sinkhorn`, so that its value does not depend on the
+algorithm (docs/theory/solvers.md, "The entropic value").
 """
 
 import itertools
@@ -45,12 +45,12 @@ WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
-"""Sweeps between two looks at the bracket, and how many of these it takes as a rule."""
+"""Sweeps between two checks of the bracket, and the usual number of checks."""
 
 MAX_SWEEPS = 2000
 FULL_TO = 1e-6
 NEGLIGIBLE_SLACK = 25.0
-"""States with more slack than so many temperatures have a share below 1e-10 and are left out."""
+"""Slack in temperatures above which a state has a share below 1e-10 and is left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Sinkhorn(BatchSolver):
     time_limit : float, optional
         Seconds.
     jobs : int, optional
-        Threads; all cores by default. The result does not depend on it.
+        Number of threads; all cores by default. The result does not depend on it.
 
     Raises
     ------
@@ -88,10 +88,10 @@ class Sinkhorn(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Sweep until the bracket is met or settles, or the columns are full to 1e-6.
+        """Work that sweeps until the bracket is met or settles, or columns are full to 1e-6.
 
-        A warm start is passed over: hot sweeps would forget it. Without kernels linear programmes
-        are quicker than sweeps, and exact: they take their place.
+        A warm start is ignored, because hot sweeps would forget it. Without kernels linear
+        programmes are used instead of sweeps: they are faster, and exact.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -169,41 +169,41 @@ def _check(
 
 
 def _without_kernels(batch: BlockBatch) -> Answer:
-    """Solve by `solve_whole`, and say so."""
+    """Solve by `solve_whole`, and mention that in the answer."""
     return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")
 
 
 MAX_TRACE, MAX_LINKS = 1000, 5_000_000
-"""Limits of a trace: all states make more links than those that compete."""
+"""Largest number of sweeps of a trace, and of links: all states need more than a working set."""
 
 MET, STILL = 1e-7, 1e-9
-"""Shares of the dual: the gap to the primal, or the change since the last check, that ends it."""
+"""Shares of the dual at which a trace ends: gap to the primal, and change since the last check."""
 
 NEVER = 700.0
-"""Temperatures from which on the mass that pays a switch price is no number above 0."""
+"""Ratio of switch price to temperature from which on the mass that pays the price underflows."""
 
 Trace = list[dict[str, float]]
-"""Entries of each check: sweep, epsilon, violation, and in units of c^p primal, dual and cost."""
+"""Records of the checks: sweep, epsilon, violation, and primal, dual and cost in units of c^p."""
 
 
 def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:
-    """Sweep over all states until primal and dual meet; what each look found.
+    """Sweep over all states until primal and dual meet; return a record of each check.
 
     Parameters
     ----------
     states : States
         The problem; temperatures are in its unit of cost, c^p.
     epsilon : float
-        The last temperature; from 0.3 down to it in stages.
+        The last temperature, which is reached from 0.3 in stages.
     late : callable
-        Whether to stop.
+        Function that returns whether to stop.
     """
     problem = states.problem
     unassigned = float(problem.truth_price.sum() + problem.estimate_price.sum())
     soft = np.zeros(len(states.columns.step))
     layout = None
     if len(soft):
-        price = problem.weight(slice(None))  # one of all entries, or one of each
+        price = problem.weight(slice(None))  # one for all entries, or one for each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         layout = kernels.Layout(states, problem.switch_price_at, *both)
         layout.keep(np.ones(len(states.block_begin), np.uint8))
@@ -235,7 +235,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
 
 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
-    """Return what masses at prices v gain with entropy and without, and the dual at v.
+    """Return the gain of the masses at prices v with entropy, the dual at v, and the gain without.
 
     theta = exp((value_v - alpha) / epsilon), alpha_i = epsilon log sum_pi exp(value_v / epsilon),
     sigma = exp(-v / epsilon), and so ([Wernholm], the Lagrangian dual)
@@ -268,16 +268,16 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
     changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
     half = states.problem.switch_price_at[states.begin[arc]]
-    half = np.where(half < NEVER * epsilon, half, 0.0)  # beyond that only rounding changes
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # at higher prices only rounding changes
     gain = (mass * states.gain).sum() - (half * changing).sum()
     return float(primal), float(dual), float(gain)
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """Return the value of each row, the mass of each state, and how much the state before gives.
+    """Return the value of each row, the mass of each state, and its mass from the state before.
 
     Messages in logarithms, with q = exp(-lambda / epsilon) (docs/theory/solvers.md, "Messages"):
-    A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and backward in time alike.
+    A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and the same backward in time.
     """
     row = np.repeat(states.pair_row, np.diff(states.pair_first))
     order = np.lexsort((row, states.begin))  # by step, the states of a row together

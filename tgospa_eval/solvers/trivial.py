@@ -1,4 +1,4 @@
-"""Blocks that are answered once, before any solver: one row, or one step at a time."""
+"""Blocks that are solved directly, before any solver: one row, or one step at a time."""
 
 import itertools
 
@@ -19,8 +19,8 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """Return a path of largest value of each row, as weights 0 and 1, (S,).
 
-    The recursion of `problem.paths.best_values` with back pointers: the state from which each state
-    is reached, and that from which "none" of each row got its value.
+    The recursion is that of `problem.paths.best_values`, with back pointers to the state from which
+    each state, and "none" of each row, was reached.
     """
     bounds, order, pairs, rows = turns(states)
     row, switch_price = states.pair_row, states.problem.switch_price_at
@@ -41,7 +41,7 @@ def paths(states: States, value: Floats) -> Floats:
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])
         current[pair] = np.maximum(reached, enter) + value[state]
 
-    for_pairs = np.lexsort((current, row))  # the last of each row is its best
+    for_pairs = np.lexsort((current, row))  # the last pair of each row is its best
     last = for_pairs[np.flatnonzero(np.diff(row[for_pairs], append=-1))]
     at = row[last]
     ends_on_pair = current[last] > unassigned_value[at]
@@ -66,13 +66,13 @@ def dual_values(states: States, prices: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# From prices and soft assignments to one path per row that share no column.
+# From prices and soft assignments to one path per row, without a common column slot.
 
 ROUNDINGS = 12
 
 
 def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
-    """Round to feasible weights 0 and 1: best paths without the states that lose a clash.
+    """Round to feasible weights 0 and 1: best paths without the states that lose a conflict.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
         The reduced problem.
     value : (S,) float array
         Gain less price of each state.
-    preference : (S,) float array
-        Who wins where two rows claim a column at once.
+        preference : (S,) float array
+            The state with the larger preference wins if two rows claim a column slot.
     """
     value = value.copy()
     for _ in range(ROUNDINGS):
@@ -95,7 +95,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
 
 
 def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
-    """Return claimed states that share a slot with a preferred claimed state."""
+    """Return the claimed states that share a slot with a preferred claimed state."""
     slots = states.columns
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]
@@ -107,10 +107,10 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
 
 
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
-    """Write weights (S,) and prices (K,) of the blocks without transitions; the other blocks.
+    """Write weights (S,) and prices (K,) of blocks without transitions; return the other blocks.
 
-    Blocks of one step, and all steps apart if switches are free, are linear assignments. `weights`
-    and `prices` come as zeros.
+    Blocks of one step are linear assignments, and so are all steps if switches are free. `weights`
+    and `prices` must be zeros at first.
     """
     price = states.problem.switch_price
     if not price if isinstance(price, float) else not price.any():
@@ -123,14 +123,14 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
 
 
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
-    """Solve as `solve_rows`, and blocks whose rows want different columns: prices 0 prove it."""
+    """Solve as `solve_rows`, and also blocks whose best paths share no slot (with prices 0)."""
     return solve_rows(states, weights, prices, conflict_free=True)
 
 
 def solve_rows(
     states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
 ) -> Ints:
-    """Solve as `solve_steps`, and blocks with one row (or one pair): each is a shortest path."""
+    """Solve as `solve_steps`, and also blocks with one row (or one pair) by a shortest path."""
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True
@@ -157,10 +157,10 @@ def assign_steps(states: States, blocks: Mask, weights: Floats, prices: Floats) 
 
 
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
-    """Solve the chosen gain states step by step, writing weights and column prices.
+    """Solve the chosen states with a gain step by step, and write weights and column prices.
 
-    Each component has a matrix of its own: which of equal optima it gets must not depend on the
-    others, since data in parts are solved apart.
+    Each component has a separate matrix: its choice among equal optima must not depend on other
+    components, because data in parts are solved separately.
     """
     problem = states.problem
     entry = states.entry[chosen]
@@ -209,10 +209,10 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
     """Return an assignment of largest gain (m, n), and the lowest column prices that prove it.
 
-    Returns the column of each row (-1 for none), (m,), and v >= 0, (n,), with gain[i, j] - v[j] at
-    most what row i has. The prices are the fixed point of v[j] = max over i of gain[i, j] - own
-    gain of i + own price of i (Bellman-Ford on the residual graph; no positive cycle at an
-    optimum).
+    The result is the column of each row (-1 for none), (m,), and v >= 0, (n,): gain[i, j] - v[j] is
+    at most the own gain less own price of row i. The prices are the fixed point of v[j] = max over
+    i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual graph, which has
+    no positive cycle at an optimum).
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
@@ -235,10 +235,10 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
 
 
 def _hold(states: States, weights: Floats) -> None:
-    """Keep pairs through their runs without gain wherever nothing else claims the place.
+    """Keep pairs assigned through their runs without gain if no other pair claims the slots.
 
-    Free switches leave that open; held pairs make the reported count of switches the smallest
-    that this assignment needs, run by run, shortest first.
+    If switches are free, this does not change the cost. It lowers the reported number of switches
+    as far as this assignment allows, run by run, the shortest first.
     """
     run = states.entry < 0
     size = len(weights)

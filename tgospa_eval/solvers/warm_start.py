@@ -2,8 +2,9 @@
 
     L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
 
-for the bound L is concave in prices and C = c^p, or gamma^p (docs/theory/solvers.md, "Sweeps of a
-parameter"). Where both neighbours have the same best assignment the chord is met.
+because the bound L is concave in prices and C, where C = c^p or gamma^p (docs/theory/solvers.md,
+"Sweeps of a parameter"). If both neighbours have the same best assignment, the optimum is on the
+chord.
 """
 
 from functools import cached_property
@@ -15,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
-"""Sums of weights that exceed 1 by more than rounding; the proof scales what is left."""
+"""Excess of a sum of weights above 1 that is more than rounding; the proof scales smaller ones."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,15 +26,15 @@ class SavedSolution:
     Parameters
     ----------
     truth, estimate, begin, end : (A,) int arrays
-        What is assigned, from one step to another, inclusive.
+        Assigned pairs, and the first and the last step of each assignment.
     weight : (A,) float array
-        How much of it.
+        Weight of each assignment.
     priced, step : (B,) int arrays
-        Estimates that have a price, and the step from which on.
+        Estimates that have a price, and the first step of each price.
     price : (B,) float array
-        More than 0.
+        Prices, > 0.
     estimates, steps : int
-        Sizes of the problem.
+        Number of estimates and of steps of the problem.
     """
 
     truth: Ints
@@ -49,14 +50,14 @@ class SavedSolution:
 
     @cached_property
     def runs(self) -> tuple[Ints, Ints, Floats]:
-        """First and last (truth, estimate, step), as one number, in order, and the weight."""
+        """First and last (truth, estimate, step) of each run as one number, and weight; sorted."""
         pair = (self.truth * np.int64(self.estimates) + self.estimate) * self.steps
         order = np.argsort(pair + self.begin, kind="stable")
         return (pair + self.begin)[order], (pair + self.end)[order], self.weight[order]
 
     @cached_property
     def running_prices(self) -> tuple[Ints, Floats]:
-        """(estimate, step) as one number, in order, and the sums of the prices before each."""
+        """(estimate, step) of each price as one number, sorted, and sums of the prices before."""
         place = self.priced * np.int64(self.steps) + self.step
         order = np.argsort(place, kind="stable")
         return place[order], np.concatenate(([0.0], np.cumsum(self.price[order])))
@@ -64,16 +65,16 @@ class SavedSolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WarmStart:
-    """Proposals for a problem that are looked at before it is solved.
+    """Proposals for a problem that are tried before it is solved.
 
     Parameters
     ----------
     weights : tuple of (S,) float arrays
         Feasible assignments.
     prices : (K,) float array
-        Of the column slots, 0 or more.
+        Prices of the column slots, >= 0.
     near : bool
-        Whether the best prices are near, so that a solver need not begin from afar.
+        Whether the best prices are near, so that the solver can begin with low temperatures.
     """
 
     weights: tuple[Floats, ...]
@@ -81,7 +82,7 @@ class WarmStart:
     near: bool = False
 
     def between(self, state: slice, slot: slice) -> "WarmStart":
-        """Return the part of some blocks."""
+        """Return the proposals for some blocks, by their states and column slots."""
         return WarmStart(
             weights=tuple(weights[state] for weights in self.weights),
             prices=self.prices[slot],
@@ -92,8 +93,8 @@ class WarmStart:
 def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
     """Save feasible weights (S,), in units of 1/ONE, and prices (K,).
 
-    States of a pair that follow each other with one weight are joined. What is held at the begin or
-    the end of the window of its block is so from the first step, or to the last.
+    Consecutive states of a pair with the same weight are joined. An assignment at the begin or the
+    end of the window of its block is extended to the first or the last step of the problem.
     """
     steps = states.problem.steps
     used = np.flatnonzero(weights)
@@ -124,7 +125,7 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 def _estimates(states: States, number: Ints) -> Ints:
     """Return the number of the estimate of each node that has column slots.
 
-    Columns of transposed blocks are truths; they have one pair each, and no slots.
+    Columns of transposed blocks are true objects, which have one pair each and no slots.
     """
     numbers = np.zeros(states.nodes, np.int64)
     numbers[states.pair_column] = number[states.pair_estimate]
@@ -139,9 +140,10 @@ def make_warm_start(
 ) -> WarmStart:
     """Build a start from the assignments of neighbours, and shares of their prices.
 
-    A state has the weight that its pair had where it begins; a slot has the prices that its
-    estimate was paid while it lasts. How they are spread over a slot means nothing. `origin` says
-    which truths, estimates and steps there are those of this problem; by default all are the same.
+    The weight of a state is the weight of its pair at its first step. The price of a slot is the
+    sum of the prices of its estimate at its steps; how they are spread over a slot has no meaning.
+    `origin` has the numbers of the true objects, estimates and steps of this problem in the saved
+    ones; by default they are the same.
     """
     problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
     same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))
@@ -164,7 +166,7 @@ def make_warm_start(
 
 
 def _feasible(states: States, weights: Floats) -> Floats:
-    """Return the weights, 0 in blocks where they overfill a row or a column at some step."""
+    """Return the weights, set to 0 in blocks in which a row or a column has a sum above 1."""
     used = np.flatnonzero(weights)
     begin, end = states.begin[used], states.end[used]
     pair = states.pair[used]

@@ -1,1 +1,1 @@
-"""Trajectories, their states, and the steps that both sides share."""
+"""Trajectories, their states, and the common steps of both sides."""

@@ -1,8 +1,8 @@
-"""Two sides on one time grid: which stamps are one step, and which steps count.
+"""Alignment of two sides on one time grid: timestamps that are one step, and steps that count.
 
-Knows no file and no metric. Reports of an estimate on a common clock hold for the tracker's
-period: each is judged against the truth at its own time, and the clock only samples which reports
-hold. Nothing that was not reported is made (docs/how-to/time.md).
+This module is independent of files and of the metric. On a common clock each report of an estimate
+holds for the period of the tracker. It is compared with the truth at its own time, and the clock
+only samples which reports hold. No states are added to the reports (docs/how-to/time.md).
 """
 
 import math
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
@@ -25,37 +25,38 @@ GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
 
 Times = NDArray[Any]
-"""Strictly increasing, int64 or float64."""
+"""Strictly increasing times, int64 or float64."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeMatching:
-    """Rules by which times of both sides are one step, and by which steps count.
+    """Rules that decide which times of both sides are one step, and which steps count.
 
     Parameters
     ----------
     tolerance : float
-        >= 0, finite, in the unit of the stamps, seconds for ISO times. Stamps of the two sides that
-        are at most so far apart are one step, where each is the other's nearest. Decimals that
-        differ by rounding alone always are.
+        >= 0, finite, in the unit of the timestamps, seconds for ISO times. Timestamps of the two
+        sides are one step if they are at most so far apart, and each is the nearest to the other.
+        Decimals that differ only by rounding are always one step.
     grid : {"union", "truth", "estimate", "common"}
-        Steps that count: those of either side, of one side, of both.
+        Steps that count: those of either side, of one side, or of both.
     interpolate : {"estimate", "truth"}, optional
-        Which side is brought to the stamps of the other one before, see `tracks.interpolation`.
-    max_gap : float, str, or pair of such, optional
-        The longest time between two states of a track to interpolate across. With `resample` a
-        second one is the longest between two reports of an estimate that are one run.
+        Side that is interpolated at the timestamps of the other side, see `tracks.interpolation`.
+    max_gap : float, str, or pair of these, optional
+        Longest time between two states of a track to interpolate across. With `resample` a second
+        value is the longest time between two reports of an estimate in one run.
     resample : float or str, optional
-        The multiples of this, from the truth's first stamp to its last, are the steps: the truth is
-        interpolated there, reports of the estimate hold for its period, see `ClockReports`.
+        Spacing of a common clock. Its multiples from the first to the last timestamp of the truth
+        are the steps. The truth is interpolated there, and reports of the estimate hold for their
+        period, see `ClockReports`.
     period : float or str, optional
-        Of the reports of the estimate; by default the median interval of those of a track.
+        Period of the reports of the estimate; by default the median interval within tracks.
     steps : Steps, optional
-        These are the steps, and no others.
+        Declared steps, which replace the timestamps of both sides.
     outage : float, str, or "none", optional
-        With the truth interpolated, and with the grid of the estimate or of both: where no estimate
-        is near a truth for longer than this, the truth's own stamps are steps too; by default five
-        times the median of such intervals.
+        Shortest outage, if times of the estimate decide which steps count. If no estimate is near
+        a true object for longer than this, the timestamps of the truth are also steps. By default
+        five times the median time between states of the estimate near a true object.
 
     Raises
     ------
@@ -100,7 +101,7 @@ class TimeMatching:
         Raises
         ------
         ConfigError
-            They do not.
+            A setting needs or excludes another one.
         """
         chosen = [
             chosen
@@ -145,12 +146,12 @@ class TimeMatching:
             raise ConfigError(f"{self.decided} says which steps count; leave {option('grid')} out")
 
     def check_units(self, clock: str) -> None:
-        """Check that durations with units are used with times, not with plain numbers.
+        """Check that no duration has a unit if times are plain numbers.
 
         Raises
         ------
         ConfigError
-            One is not.
+            A duration has a unit, and the unit of the times is unknown.
         """
         for name, value in (
             (option("time_tolerance"), self.tolerance),
@@ -163,7 +164,7 @@ class TimeMatching:
 
     @property
     def gaps(self) -> tuple[Duration, ...]:
-        """The longest gaps to interpolate across and between reports, as far as they are given."""
+        """Longest gap to interpolate across, and longest gap between reports, as far as given."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
 
     @property
@@ -175,24 +176,24 @@ class TimeMatching:
 
     @property
     def run(self) -> Duration | None:
-        """The longest time between two reports that are one run, if it is given."""
+        """Longest time between two reports in one run, if given."""
         return self.gaps[1] if len(self.gaps) > 1 else None
 
     @property
     def decided(self) -> str:
-        """The option that says which steps count, whatever stamps there are; blank without."""
+        """Option that sets the steps independently of the timestamps; blank if there is none."""
         if self.steps is not None:
             return option("steps")
         return option("resample") if self.resample is not None else ""
 
     @property
     def near(self) -> float:
-        """The tolerance as a number."""
+        """Tolerance as a number."""
         return float(self.tolerance)
 
     @property
     def on_own_times(self) -> "TimeMatching":
-        """The same for sides that were brought to their steps before."""
+        """Rules for sides whose states are already at the steps."""
         return TimeMatching(tolerance=self.tolerance, grid=self.grid)
 
     @property
@@ -215,7 +216,7 @@ def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
     Raises
     ------
     ConfigError
-        One is 0, or no duration, or there are more than two.
+        A gap is 0 or not a duration, or there are more than two.
     """
     each = given.split(",") if isinstance(given, str) else given
     parts = list(each) if isinstance(each, list | tuple) else [each]
@@ -230,22 +231,22 @@ def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alignment:
-    """Both sides on the steps that count, and how they came there.
+    """Both sides on the steps that count, with a summary of the alignment.
 
     Parameters
     ----------
     truth, estimate : Trajectories
-        On the same times; a joined step bears the stamp of the truth.
+        Both sides with the same times; a joined step has the timestamp of the truth.
     union, common : int
-        Steps of either side and of both, whether they count or not.
+        Number of steps of either side and of both sides, including steps that do not count.
     joined : int
-        Pairs of different stamps that were made one step.
+        Number of pairs of different timestamps that became one step.
     farthest : float
-        The largest difference of such a pair, in seconds or the unit of the stamps.
+        Largest difference of such a pair, in seconds or the unit of the timestamps.
     left_out : pair of int
-        Rows of the two sides at steps that do not count.
+        Number of rows of the two sides at steps that do not count.
     reports : ClockReports, optional
-        The report behind each row of the estimate: distances are taken at its own timestamp.
+        Report of each row of the estimate; distances are computed at the timestamp of the report.
     """
 
     truth: Trajectories
@@ -265,14 +266,14 @@ def align(
     names: tuple[str, str] = ("truth", "estimate"),
     outage_times: Times | None = None,
 ) -> Alignment:
-    """Put both on one grid; `names` are for messages.
+    """Put both sides on one grid; `names` are for messages.
 
-    Stamps of the truth in outages of the estimate, which are `outage_times`, count in any case.
+    `outage_times` are timestamps of the truth in outages of the estimate, which always count.
 
     Raises
     ------
     InputError
-        The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
+        The kinds of time differ, or integer and decimal timestamps cannot be compared exactly.
     """
     matching = matching or TimeMatching()
     first, second = comparable(truth, estimate, names)
@@ -308,7 +309,7 @@ def align(
         counted = counted | np.isin(times, outage_times)
 
     def on_steps(side: Trajectories, at: Ints) -> Trajectories:
-        """Return the side on those of the times that count."""
+        """Return the side on the times that count."""
         step = at[side.step] if len(at) else side.step
         if counted.all():
             return replace(side, step=step, times=times, clock=clock, labels=labels)
@@ -330,11 +331,12 @@ def align(
 
 
 def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
-    """Return pairs of times that are each the nearest of the other side; ties go to the earlier.
+    """Return pairs of times of which each is the nearest to the other; ties go to the earlier.
 
-    Positions in the two sides, increasing, and the distances, uint64 or float; both sides must have
-    some. The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and
-    no stamp is in two. Between two paired stamps lies no other of either side: it would be nearer.
+    The result is increasing positions in the two sides, and the differences, uint64 or float. Both
+    sides must have times. Pairs do not cross, as the nearest timestamp does not decrease from one
+    timestamp to the next. So each timestamp is in one pair at most. Between two paired timestamps
+    there is no other timestamp of either side, as it would be nearer.
     """
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
@@ -343,9 +345,9 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
 
 
 def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
-    """Return own times, with those of the other side where they are within the tolerance.
+    """Return the times of `mine`, replaced by those of `theirs` within the tolerance.
 
-    Also returns which of the pairs of `nearest` these are.
+    Also return which of the pairs of `nearest` were replaced.
     """
     first, second, difference = nearest(mine, theirs)
     close = (difference > 0) & within(difference, tolerance, (mine, theirs), clock)
@@ -357,14 +359,18 @@ def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple
 def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Return whether differences of times are within the tolerance.
 
-    Reading a decimal rounds it by up to half a spacing of doubles. So a difference that exceeds the
-    tolerance by one spacing at most counts as within it.
+    Reading a decimal rounds it by up to half a spacing of doubles. So a difference may exceed the
+    tolerance by one spacing.
     """
     if difference.dtype.kind == "u":
         bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
-        # Rounded first, as 0.29 s times 1e9 is less than 290,000,000 ns.
+        # The bound is rounded first, as 0.29 s times 1e9 is less than 290,000,000 ns.
         return np.asarray(difference <= min(math.floor(round(bound, 1)), 2**64 - 1))
     return np.asarray(difference <= tolerance + _spacing(*sides))
+
+
+MIN_EPOCH = 1e8
+"""Smallest number that may be a time since 1970, in any unit."""
 
 
 def comparable(
@@ -375,16 +381,19 @@ def comparable(
     Raises
     ------
     InputError
-        They cannot.
+        The kinds of time differ, or large integers would be compared with decimals.
     """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
         if "local" in (truth.clock, estimate.clock):
-            role = "truth" if truth.clock == "local" else "estimate"
-            remedy = (
-                f"{option(f'{role}_time_zone', 'UTC')}, or another, says what zone the ISO times "
-                "are of"
+            role, theirs = ("truth", estimate) if truth.clock == "local" else ("estimate", truth)
+            zone = (
+                f"name the zone of the ISO times, {option(f'{role}_time_zone', 'UTC')} or another"
             )
+            if theirs.clock == "zoned":
+                remedy = zone
+            elif abs(float(theirs.times[0])) >= MIN_EPOCH:
+                remedy += f"; or, if the numbers count from 1970, {zone}"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
             f"times of one run must be of one kind: {remedy}"
@@ -406,17 +415,17 @@ def comparable(
 
 
 def _nearest(own: Times, other: Times) -> Ints:
-    """Return the position of the nearest other time for each; ties go to the earlier."""
+    """Return the position of the nearest other time for each time; ties go to the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
     left, right = time_differences(own, other[before]), time_differences(own, other[after])
-    if left.dtype.kind == "f":  # decimals may tie but for rounding
+    if left.dtype.kind == "f":  # differences of decimals may be equal except for rounding
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
 def time_differences(a: Times, b: Times) -> Times:
-    """Return absolute differences; of integers as uint64, which holds any, modulo 2^64."""
+    """Return absolute differences; for integers as uint64, which holds all of them."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
     with np.errstate(over="ignore"):  # an overflow to inf is right
@@ -424,13 +433,13 @@ def time_differences(a: Times, b: Times) -> Times:
 
 
 def _spacing(*sides: Times) -> float:
-    """Return the distance from the largest time to the next double; np.spacing overflows."""
+    """Return the distance from the largest time to the next double, without overflow."""
     largest = max(float(np.abs(side).max()) for side in sides)
     return float(np.spacing(min(largest, 2.0**1023)))
 
 
 def _union(first: Times, second: Times) -> Times:
-    """Return the distinct values in order. np.union1d imports numpy.ma, slower than most runs."""
+    """Return the distinct values in order; np.union1d imports numpy.ma, which is slow."""
     both = np.sort(np.concatenate((first, second)), kind="stable")  # this merges sorted runs
     fresh = np.ones(len(both), bool)
     np.not_equal(both[1:], both[:-1], out=fresh[1:])
@@ -438,33 +447,33 @@ def _union(first: Times, second: Times) -> Times:
 
 
 ROWS_TOGETHER = 1 << 20
-"""Rows of the truth that are interpolated at a time."""
+"""Number of rows of the truth that are interpolated at a time."""
 
 Sides = tuple[Trajectories, Trajectories]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClockReports:
-    """Reports of an estimate on a common clock: the report of each row.
+    """Reports of an estimate on a common clock, with the report of each row.
 
     Parameters
     ----------
     estimate : Trajectories
-        The estimate as it was read.
+        Estimate as it was read.
     row : (R,) int array
-        Of each row on the clock the row of `estimate`.
+        Row of `estimate` for each row on the clock.
     truths : (n,) object array
-        Ids of the whole truth.
+        Ids of all true objects.
     truth_at : callable
-        The truth at the stamps of a side.
+        Callable that receives a side and returns the truth at its timestamps.
     period : float
-        For how long a report holds, in seconds or the unit of the stamps.
+        Time for which a report holds, in seconds or the unit of the timestamps.
     declared : bool
-        Whether the user named it.
+        Whether the user declared the period.
     source : str
-        How the period was derived, if it was not declared.
+        Source of the period, if it was not declared.
     single : int
-        Number of reports without another one of their track near in time.
+        Number of reports that are not in a run with another report of their track.
     """
 
     estimate: Trajectories
@@ -481,16 +490,16 @@ class ClockReports:
         return {name: k for k, name in enumerate(self.truths.tolist())}
 
     def number(self, side: Trajectories) -> Ints:
-        """Return the numbers of a side's truths among all truths."""
+        """Return the numbers of the true objects of a side among all true objects."""
         return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
 
     def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:
-        """Yield truth and reports at the times of the reports, some times together, and their rows.
+        """Yield truth and reports at some times of the reports, and the rows of the reports.
 
         Parameters
         ----------
         rows : int array, optional
-            The reports that are needed, in order; by default all that hold somewhere.
+            Rows of the needed reports, in order; by default all that hold at a step of the clock.
         """
         rows = np.unique(self.row) if rows is None else rows
         steps, at = np.unique(self.estimate.step[rows], return_inverse=True)
@@ -504,14 +513,14 @@ class ClockReports:
             yield (self.truth_at(reports), reports), rows[some]
 
     def on_clock(self, pairs: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
-        """Convert pairs of truths and reports to pairs of rows on the clock where both exist.
+        """Convert pairs of true objects and reports to pairs of rows on the clock where both exist.
 
         Parameters
         ----------
         pairs : tuple of (N,) arrays
-            Number of the truth, row of the report, distance.
+            Number of the true object, row of the report, and distance.
         sides : pair of Trajectories
-            Both on the clock.
+            Both sides on the clock.
 
         Returns
         -------
@@ -534,12 +543,12 @@ class ClockReports:
         return row[there][order], estimate_row, distance[pair]
 
     def located(self, names: np.ndarray, rows: Ints) -> Sides:
-        """Return pairs of truths and rows on the clock as two sides, at the times of the reports.
+        """Return pairs of true objects and rows as two sides, at the times of the reports.
 
         Parameters
         ----------
         names : (N,) object array
-            Ids of the truths.
+            Ids of the true objects.
         rows : (N,) int array
             Rows of the estimate on the clock.
         """
@@ -570,7 +579,7 @@ class ClockReports:
 
 
 def find_rows(side: Trajectories, step: Ints, track: Ints) -> tuple[Ints, Mask]:
-    """Find the rows of a side by step and track, and whether there is one; no track is -1."""
+    """Find the rows of a side by step and track, and whether they exist; track -1 means none."""
     if not len(side.step):
         return np.zeros(len(step), np.int64), np.zeros(len(step), bool)
     size = len(side.ids)

@@ -1,4 +1,4 @@
-"""Weighted particles of many states in one flat table. Knows no file and no distance."""
+"""Weighted particles of many states in one flat table, independent of files and distances."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -13,39 +13,39 @@ from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.errors import InputError
 
 Cloud = tuple[Floats, Floats]
-"""Points (N, d) and weights (N,) of one of them."""
+"""Points (N, d) and weights (N,) of one cloud."""
 
 Changed = TypeVar("Changed")
 
 LARGEST_COORDINATE = 1e150
-"""Largest coordinate of a particle, so that squares are doubles."""
+"""Largest coordinate of a particle, for which squares are doubles."""
 
 UNEVEN_SUM = 1e-3
-"""Difference of a sum of weights from 1 from which on normalising it makes a warning."""
+"""Difference of a sum of weights from 1 above which normalising them is reported."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
-    """Return whether sums of weights are 1 but for rounding: such weights are kept as given."""
+    """Return whether sums of weights are 1 up to rounding; such weights are kept as given."""
     return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clouds:
-    """A cloud of particles for each row of a table, one behind the other, never padded.
+    """Clouds of particles, one for each row of a table, one after another without padding.
 
     Parameters
     ----------
     points : (P, d) float array
         Finite positions of all particles, up to 1e150.
     weights : (P,) float array
-        >= 0; those of a cloud sum to 1 but for rounding.
+        Weights >= 0, which sum to 1 in each cloud up to rounding.
     first : (R + 1,) int array
-        Where each cloud begins; the last is P. No cloud is empty.
+        Position of the first particle of each cloud, and P at the end. Every cloud has particles.
 
     Raises
     ------
     InputError
-        Shapes do not fit, a cloud is empty, a point is not finite or too far, weights are wrong.
+        Shapes do not fit, a cloud is empty, a point is not finite or too far, or weights are wrong.
     """
 
     points: Floats
@@ -85,7 +85,7 @@ class Clouds:
 
     @property
     def counts(self) -> Ints:
-        """Particles of each cloud (R,)."""
+        """Number of particles of each cloud (R,)."""
         return np.diff(self.first)
 
     def sums(self, values: Floats) -> Floats:
@@ -96,7 +96,7 @@ class Clouds:
 
     @cached_property
     def means(self) -> Floats:
-        """Weighted means (R, d), from differences to a particle of the cloud each."""
+        """Weighted means (R, d), computed from differences to the first particle of each cloud."""
         centre = self.points[self.first[:-1]]
         difference = self.points - np.repeat(centre, self.counts, axis=0)
         return np.asarray(centre + self.sums(self.weights[:, None] * difference))
@@ -122,7 +122,7 @@ class Clouds:
         return Clouds(points=self.points[at], weights=self.weights[at], first=first)
 
     def merged(self) -> "Clouds":
-        """Merge equal particles of each cloud, and leave out those without weight."""
+        """Merge equal particles of each cloud, and leave out particles of weight 0."""
         if len(self.points) == len(self):
             return self
         row = np.repeat(np.arange(len(self)), self.counts)
@@ -141,7 +141,7 @@ class Clouds:
         )
 
     def moved(self, points: Floats) -> "Clouds":
-        """Return the same weights at other points."""
+        """Return clouds with the same weights at other points."""
         return replace(self, points=points)
 
     def changed(
@@ -150,13 +150,13 @@ class Clouds:
         jobs: int | None,
         passed: Callable[[Iterator[Changed]], Iterator[Cloud]],
     ) -> "Clouds":
-        """Apply a function to each cloud, in some threads; `passed` sees the clouds in order."""
+        """Apply a function to each cloud, in some threads; `passed` receives results in order."""
         clouds = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
         return joined(list(passed(clouds)), self)
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:
-    """Join clouds one behind the other; `like` gives the number of components if there are none."""
+    """Join clouds one after another; return `like` if there are none."""
     if not clouds:
         return like
     return Clouds(

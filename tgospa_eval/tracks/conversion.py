@@ -1,7 +1,7 @@
-"""Durations as people write them, and stamps and states in other units. Knows no file.
+"""Durations as text, and timestamps and states in other units, independent of files.
 
-Stamps are converted as decimals, so that what is written 100.5 ms becomes what is written 0.1005 s,
-the same double; whole numbers stay exact.
+Timestamps are converted as decimals, so that 100.5 ms and 0.1005 s are the same double. Whole
+numbers stay exact.
 """
 
 import math
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, TimeArray, Trajectories
 
 SECOND = 1_000_000_000
-"""Nanoseconds of a second, in which ISO times are counted."""
+"""Nanoseconds of a second; ISO times are stored in nanoseconds."""
 
 TIME_UNITS = {
     "ns": 1,
@@ -33,20 +33,20 @@ TIME_UNITS = {
 """Nanoseconds of each unit."""
 
 MAX_STEPS = 10_000_000
-"""Steps that may be declared."""
+"""Largest number of steps that may be declared."""
 
 DURATION = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?|\.[0-9]+)\s*([a-z]*)\s*")
 
 
 class Duration(float):
-    """A time between two stamps: seconds, or the unit of stamps that are plain numbers.
+    """Time between two timestamps, in seconds or in the unit of timestamps that are plain numbers.
 
     Attributes
     ----------
     text : str
-        As it was written.
+        Duration as it was written.
     unit : str
-        Of `TIME_UNITS`; blank if it was written without.
+        Unit of `TIME_UNITS`; blank if it was written without a unit.
     """
 
     text: str
@@ -59,7 +59,7 @@ class Duration(float):
         Raises
         ------
         ConfigError
-            It is neither, negative or not finite.
+            The value is not a number or such a text, negative, or not finite.
         """
         if isinstance(given, cls):
             return given
@@ -83,12 +83,12 @@ class Duration(float):
         return made
 
     def check(self, clock: str, name: str, remedy: str = "give a number in their unit") -> None:
-        """Check that times of this kind count seconds, if the duration has a unit.
+        """Check that times of this kind have a known unit, if the duration has a unit.
 
         Raises
         ------
         ConfigError
-            They are plain numbers, whose unit is not known.
+            The times are plain numbers, whose unit is unknown.
         """
         if self.unit and clock == "number":
             raise ConfigError(
@@ -98,24 +98,24 @@ class Duration(float):
 
     @property
     def nanoseconds(self) -> int:
-        """The duration in nanoseconds."""
+        """Duration in nanoseconds."""
         return round(float(self) * SECOND)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Declared steps: from `first` to `last`, ends included.
+    """Declared steps from `first` to `last`, ends included.
 
     Parameters
     ----------
     first, last : int or float
-        As stamps are: numbers, or nanoseconds since 1970.
+        First and last step, as timestamps: numbers, or nanoseconds since 1970.
     every : Duration, optional
-        From one to the next; 1 for stamps that are integers.
+        Time between two steps; by default 1, if both ends are integers.
     clock : {"number", "local", "zoned"}
-        What stamps are.
+        Kind of the timestamps.
     text : str
-        As given.
+        Steps as they were given.
     """
 
     first: int | float
@@ -125,12 +125,12 @@ class Steps:
     text: str
 
     def ticks(self) -> TimeArray:
-        """Return the steps (K,), each the number that its decimals say.
+        """Return the steps (K,), computed as exact decimals.
 
         Raises
         ------
         ConfigError
-            It is not said how far apart they are, or they are too many.
+            The distance of the steps is not given, or there are too many steps.
         """
         whole = isinstance(self.first, int) and isinstance(self.last, int)
         every = self.every
@@ -146,12 +146,12 @@ class Steps:
 
 
 def signed_seconds(given: object, name: str) -> float:
-    """Parse a number or a text such as ``-500ms`` to seconds, or the unit of numeric times.
+    """Parse a number or a text such as ``-500ms`` to seconds, or to the unit of numeric times.
 
     Raises
     ------
     ConfigError
-        It is neither.
+        The value is not a number or such a text.
     """
     if isinstance(given, str):
         text = given.strip()
@@ -166,7 +166,7 @@ def multiples(first: int | float, last: int | float, every: Duration, clock: str
     Raises
     ------
     ConfigError
-        They are too many.
+        There are too many multiples.
     """
     every.check(clock, option("resample"))
     return stretch(first, last, every, clock, option("resample", every.text), aligned=True)
@@ -181,9 +181,9 @@ def stretch(
     *,
     aligned: bool = False,
 ) -> TimeArray:
-    """Return times with the spacing `every`, from the first or from its next multiple on.
+    """Return times with the spacing `every`, from `first` on; `aligned` times are multiples.
 
-    They are decimals counted in integers, so that the third of 0.1 is 0.3.
+    Times are decimals counted in integers, so that the third multiple of 0.1 is 0.3.
     """
     if clock != "number":
         begin, end, step, scale = int(first), int(last), every.nanoseconds, 1
@@ -204,12 +204,12 @@ def stretch(
     ticks = [begin + k * step for k in range(count)]
     if scale == 1 and all(-(2**63) <= x < 2**63 for x in ticks[:1] + ticks[-1:]):
         return np.array(ticks, np.int64)
-    return np.array([x / scale for x in ticks], float)  # rounded once, from integers
+    return np.array([x / scale for x in ticks], float)  # the only rounding
 
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
-"""More than a stamp, a factor and an offset have together."""
+"""Number of digits that exceeds those of a timestamp, a factor and an offset together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,18 +219,18 @@ class Conversion:
     Parameters
     ----------
     time_offset : float
-        Added to the stamps, after they were scaled; in seconds for ISO times.
+        Offset that is added to the scaled timestamps; in seconds for ISO times.
     time_scale : float
-        > 0; stamps are multiplied by it. ISO times have none.
+        Factor > 0 of the timestamps; ISO times cannot be scaled.
     unit_scale : float
-        > 0; lengths are multiplied by it: the state columns but for `angles`, with their
-        covariances and particles.
+        Factor > 0 of lengths: all state columns except `angles`, with their covariances and
+        particles.
     angles : tuple of str
-        State columns that are no lengths.
+        State columns that are not lengths.
     scale : tuple of (str, float)
-        Factors > 0 of single state columns, before all else.
+        Factors > 0 of single state columns, which are applied in addition.
     scale_option : str
-        Where these come from, for messages.
+        Option of these factors, for messages.
 
     Raises
     ------
@@ -264,12 +264,12 @@ class Conversion:
     def times(
         self, times: TimeArray, clock: str, labels: NDArray[np.object_] | None, name: str
     ) -> tuple[TimeArray, NDArray[np.object_] | None]:
-        """Convert strictly increasing times (T,), and their labels, to the other clock.
+        """Convert strictly increasing times (T,) and their labels.
 
         Raises
         ------
         ConfigError
-            ISO times are scaled, or what comes out cannot be held.
+            ISO times would be scaled, or converted times are too large or equal.
         """
         if not len(times) or (self.time_offset == 0 and self.time_scale == 1):
             return times, labels
@@ -310,14 +310,14 @@ class Conversion:
         return converted, None
 
     def _times_undone(self, side: Trajectories) -> Trajectories:
-        """Convert times back; of the doubles near a quotient, use the one that converts exactly."""
+        """Convert times back to doubles that convert to the same times again, if possible."""
         if self.time_offset == 0 and self.time_scale == 1:
             return side
         if side.clock != "number":
             back = replace(self, time_offset=-self.time_offset)
             times, labels = back.times(side.times, side.clock, side.labels, "repaired")
             return replace(side, times=times, labels=labels)
-        from decimal import Context, Decimal  # lazy: as above
+        from decimal import Context, Decimal  # lazy: slow to import
 
         exact = Context(prec=DIGITS_OF_SUMS)
         factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
@@ -343,7 +343,7 @@ class Conversion:
     def undone(self, side: Trajectories) -> Trajectories:
         """Convert a side back to its own units, as exactly as doubles allow.
 
-        What was converted is converted to the same again, but for columns that became subnormal.
+        The result converts to the same side again, except for columns that became subnormal.
         """
         before = self._times_undone(side)
         factors = self.factors(side.columns)
@@ -362,7 +362,7 @@ class Conversion:
             raise ConfigError(
                 f"{option('time_scale')} is for times that are numbers; {name} has {CLOCKS[clock]}"
             )
-        from decimal import Decimal  # lazy: as above
+        from decimal import Decimal  # lazy: slow to import
 
         by = int((Decimal(repr(self.time_offset)) * SECOND).to_integral_value())
         if not all(-(2**63) <= int(end) + by < 2**63 for end in (times[0], times[-1])):
@@ -370,12 +370,12 @@ class Conversion:
         return cast(TimeArray, times + np.int64(by))
 
     def factors(self, columns: tuple[str, ...]) -> Floats | None:
-        """Return the factor of each state column; None if nothing changes.
+        """Return the factor of each state column; None if no column changes.
 
         Raises
         ------
         ConfigError
-            Columns are latitudes and longitudes, or there is no column of that name.
+            `unit_scale` is given for latitude and longitude, or a column of `scale` does not exist.
         """
         own = dict(self.scale)
         unknown = [name for name in own if name not in columns]
@@ -421,7 +421,7 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
     Raises
     ------
     ConfigError
-        One is too large for a number.
+        A product is too large for a double.
     """
     with np.errstate(over="ignore"):
         product = state * factors
@@ -431,7 +431,7 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
 
 
 def _divided(values: Floats, factors: Floats) -> Floats:
-    """Divide so that the product gives the value again, if a double near the quotient does."""
+    """Divide by factors; prefer a double near the quotient whose product is the value again."""
     ratio = values / factors
     for toward in (-np.inf, np.inf):
         other = np.nextafter(ratio, toward)
@@ -440,7 +440,7 @@ def _divided(values: Floats, factors: Floats) -> Floats:
 
 
 def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:
-    """Scale covariances, given as lower triangles (R, d (d + 1) / 2), as states are scaled."""
+    """Scale covariances, as lower triangles (R, d (d + 1) / 2), with the factors of the states."""
     row, column = np.tril_indices(len(factors))
     with np.errstate(over="ignore"):
         squares = factors[row] * factors[column]

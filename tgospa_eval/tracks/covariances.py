@@ -1,7 +1,8 @@
-"""Covariances as packed lower triangles: factors, which ones are none, the nearest that is one.
+"""Covariances as packed lower triangles: factors, checks, and nearest positive semi-definite ones.
 
-A covariance (d, d) is held as its lower triangle row by row, d (d + 1) / 2 numbers: xx, xy, yy.
-Here they come component by component, (d (d + 1) / 2, R). Knows no file and no metric.
+A covariance (d, d) is stored as its lower triangle row by row, d (d + 1) / 2 numbers: xx, xy, yy.
+Arrays in this module are ordered by component, (d (d + 1) / 2, R). The module is independent of
+files and of the metric.
 """
 
 import math
@@ -13,31 +14,31 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 
 MACHINE_EPSILON = 2.0**-52
 
 ROUNDED_EIGENVALUE = 1e-13
-"""Least eigenvalue over the largest, negated, up to which it is rounding."""
+"""Negated ratio of the least to the largest eigenvalue up to which it is rounding."""
 
-CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # decimals that are just a thousandth count, too
-"""The same, up to which a matrix is taken for a covariance that was written with few digits."""
+CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # includes decimals that are exactly a thousandth
+"""Negated ratio up to which a matrix counts as a covariance that was written with few digits."""
 
 LARGEST_VARIANCE = 1e150
-"""Largest variance, so that products of two are doubles."""
+"""Largest variance, for which products of two variances are doubles."""
 
 ASYMMETRY = 1e-6 * (1 + 1e-9)
-"""Relative difference of two entries that should be one, up to which their mean is taken."""
+"""Relative difference of two symmetric entries up to which their mean is used."""
 
 ILL = 1e-4
-"""Share of a variance that is left by the others, below which d >= 3 is factored with pivots."""
+"""Share of a variance left by other components, below which matrices of d >= 3 need pivots."""
 
 MATRICES_TOGETHER = 1 << 13
-"""Matrices that are factored with pivots at a time."""
+"""Number of matrices that are factored with pivots at a time."""
 
 
 def size_of(count: int) -> int:
-    """Return the d of d (d + 1) / 2 numbers."""
+    """Return the dimension d of lower triangles with d (d + 1) / 2 numbers."""
     return (math.isqrt(8 * count + 1) - 1) // 2
 
 
@@ -59,11 +60,11 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 
 
 def factor(packed: Floats) -> Floats:
-    """Return lower factors L of covariances C = L L', packed alike; of singular ones, too.
+    """Return packed lower factors L of covariances C = L L', which may be singular.
 
-    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards: the
-    first is 0 where it is no more than rounding, and ``|L_ij|`` at most the root of what is left of
-    C_ii. Where little is left of a variance the difference is taken exactly (two components), or
+    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards. The
+    first is 0 if it is not more than rounding. ``|L_ij|`` is at most the root of the remainder of
+    C_ii. If little is left of a variance, the difference is computed exactly (two components), or
     with pivots and more digits (docs/theory/gaussian.md, "Equations").
     """
     d = size_of(len(packed))
@@ -86,7 +87,7 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     np.sqrt(a, out=factors[0])
     bound = np.sqrt(c)
     left = c.copy()
-    # An overflow, of a covariance but for rounding, is clipped or below 0.
+    # For covariances up to rounding, an overflow is clipped or gives a number below 0.
     with np.errstate(over="ignore"):
         np.divide(b, factors[0], out=factors[1], where=a > 0)
         np.clip(factors[1], -bound, bound, out=factors[1])
@@ -113,7 +114,7 @@ def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
 
 
 def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
-    """Return factors, and the smallest share of a variance left by earlier components."""
+    """Return factors, and the least share of a variance that earlier components leave."""
     d = size_of(len(packed))
     at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
     factors = np.zeros_like(packed)
@@ -138,11 +139,11 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
 
 
 def _factor_pivoted(packed: Floats) -> Floats:
-    """Factor matrices that are singular, or nearly so.
+    """Factor matrices that are singular or nearly singular.
 
-    Of correlations, in extended precision as far as the machine has it, the largest of what is left
-    first: so no rounding of an entry is enlarged, nor what it leaves of a rank taken for one. The
-    factor is made a lower one by a rotation, which keeps the rounding of its rows.
+    Correlations are factored in extended precision, if the machine has it, and the largest
+    remainder is the next pivot. So rounding of an entry is not enlarged, and does not add a rank. A
+    rotation makes the factor lower triangular, with the rounding of each row unchanged.
     """
     d = size_of(len(packed))
     matrices = unpack(packed).astype(np.longdouble)
@@ -160,11 +161,11 @@ def _factor_pivoted(packed: Floats) -> Floats:
         root = np.sqrt(np.where(positive, size, 1))
         known = (factors[:, :, :k] * factors[row, pivot, None, :k]).sum(axis=2)
         entry = (matrices[row, :, pivot] - known) / root[:, None]
-        bound = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
+        bound = np.sqrt(np.maximum(left, 0))  # 0 for components that were pivots
         entry = np.where(positive[:, None], np.clip(entry, -bound, bound), 0)
         factors[:, :, k] = entry
         left -= entry * entry
-        left[row, pivot] = -1  # never again
+        left[row, pivot] = -1  # not a pivot again
     columns = (factors * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
     upper = np.asarray(np.linalg.qr(columns, mode="r"))
     upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
@@ -172,16 +173,16 @@ def _factor_pivoted(packed: Floats) -> Floats:
 
 
 def project(packed: Floats) -> tuple[Floats, Floats]:
-    """Return ``V max(E, 0) V'`` of ``C = V E V'``, the nearest without negative eigenvalues.
+    """Return ``V max(E, 0) V'`` of ``C = V E V'``, the nearest matrix without negative eigenvalues.
 
     Returns
     -------
     packed : (d (d + 1) / 2, R) float array
-        The same where they are covariances but for rounding; else with negative eigenvalues
-        replaced by 0.
+        Matrices that are covariances up to rounding are unchanged; in others negative eigenvalues
+        are replaced by 0.
     ratio : (R,) float array
-        Least eigenvalue over the largest where it is negative beyond rounding, else 0; -inf where
-        no eigenvalue is positive.
+        Least eigenvalue over the largest if it is negative beyond rounding, else 0; -inf if no
+        eigenvalue is positive.
     """
     d = size_of(len(packed))
     ratio = np.zeros(packed.shape[1])
@@ -213,16 +214,16 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
 def accept(
     packed: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """Return covariances that a distance can use, and notices about those that were changed.
+    """Return covariances that a distance can use, and notices about changed matrices.
 
     Parameters
     ----------
     packed : (d (d + 1) / 2, R) float array
-        Finite.
+        Finite matrices.
     where : callable
-        Where a matrix is, for messages.
+        Callable that returns the place of a matrix, for messages.
     fix : bool
-        Replace what is refused otherwise by the nearest positive semi-definite matrix.
+        Whether to replace an invalid matrix by the nearest positive semi-definite matrix.
 
     Raises
     ------
@@ -274,8 +275,8 @@ def accept(
             Notice(
                 code="covariance-repaired",
                 text=f"{what} not quite positive semi-definite, by up to "
-                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that "
-                "is was taken",
+                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest "
+                "valid one is used",
                 remedy="more digits in the file avoid that",
             )
         )
@@ -283,9 +284,9 @@ def accept(
 
 
 def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, Ints]:
-    """Return the mean of two mirrored entries, and where they differ by more than rounding.
+    """Return the mean of two symmetric entries, and where they differ by more than rounding.
 
-    They may differ by a millionth, or by rounding of the `scale`, the root of the product of the
+    Entries may differ by a millionth, or by rounding of the `scale`, the root of the product of the
     two variances.
     """
     difference = np.abs(entry - mirrored)
@@ -297,7 +298,7 @@ def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, I
 def from_matrices(
     matrices: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """Accept matrices (R, d, d) as `accept` does; refuse those that are not symmetric."""
+    """Accept matrices (R, d, d) as `accept` does, and refuse matrices that are not symmetric."""
     packed = pack(matrices)
     deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
     for k, (i, j) in enumerate(zip(*np.tril_indices(matrices.shape[1]), strict=True)):

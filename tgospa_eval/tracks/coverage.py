@@ -1,8 +1,8 @@
-"""Coverage of an evaluation: the horizon and the truth that count. One home for all verbs.
+"""Coverage of an evaluation: the horizon and the truth that count, for all verbs.
 
-Values per step divide by the horizon H: the stamps of the truth's file, or those that were
-declared; never by stamps of an estimate. Two values are comparable where both digests agree.
-States that are not judged are marks on the rows of truth and estimate.
+Values per step are divided by the horizon H, the number of timestamps in the file of the truth or
+of declared steps. Timestamps of an estimate do not matter. Two values are comparable if both
+digests are equal. States that are not evaluated are marked in the rows of truth and estimate.
 """
 
 import hashlib
@@ -19,34 +19,35 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.kernels import kernels
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 from tgospa_eval.tracks.weights import existence_of
 
 IGNORED, EXCUSED = "ignored", "excused"
-"""Columns of truth and estimate that say what is not judged."""
+"""Columns of truth and estimate that mark states to leave out of the evaluation."""
 
 MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
 """Rules of ``--ignore`` for marks of truth and of estimate, and their columns."""
 
 NOT_COUNTED = "\0not judged"
-"""The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
-No column of a file has such a name."""
+"""Attribute of states that are not evaluated for any reason: ignored in the truth, excused in the
+estimate. A column of a file cannot have this name."""
 
 AWAY = "\0time to the nearer state"
-"""The attribute of states in gaps, in seconds or the unit of the stamps; 0 of others."""
+"""Attribute with the time from a state in a gap to the nearer state of its track, in seconds or the
+unit of the timestamps; 0 for other states."""
 
 
 MEANINGS: Mapping[object, bool] = {
     **dict.fromkeys((0.0, "0", "false", "no", ""), False),
     **dict.fromkeys((1.0, "1", "true", "yes"), True),
 }
-"""Values of a mark; blank is not marked."""
+"""Meanings of the values of a mark; a blank means not marked."""
 
 
 def marks_of(side: Trajectories, name: str) -> Mask:
-    """Return which rows (R,) are marked in an attribute; none without it.
+    """Return which rows (R,) are marked in an attribute; all False without this attribute.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def marks_of(side: Trajectories, name: str) -> Mask:
 
 
 def marked(side: Trajectories, rows: Mask) -> Trajectories:
-    """Mark these rows as not counted, beside those that are already."""
+    """Mark these rows as not counted, in addition to rows that are already marked."""
     if not rows.any():
         return side
     marks = (marks_of(side, NOT_COUNTED) | rows).astype(np.float64)
@@ -80,17 +81,17 @@ def marked(side: Trajectories, rows: Mask) -> Trajectories:
 
 
 def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
-    """Refuse marks of estimates where these are judged against others.
+    """Refuse marks of estimates for a verb that compares estimates with each other.
 
     Raises
     ------
     ConfigError
-        They are among the rules.
+        The rules include marks of estimates.
     """
     if OWN_MARKS in rules:
         raise ConfigError(
-            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, for a "
-            "tracker would say itself what it is not judged by; mark the truth "
+            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, as a "
+            "tracker would choose itself what is not evaluated; mark the truth "
             f"({option('ignore', MARKED)}) or give {option('ignore_regions')}"
         )
 
@@ -98,24 +99,24 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
 COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
-"""Fields of a record that comparisons read."""
+"""Fields of a record that comparisons use."""
 
 
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
-"""Columns of a table of results that are equal where values are comparable."""
+"""Columns of a table of results that are equal if values are comparable."""
 
 LANES = np.array([[0x9E3779B97F4A7C15], [0xC2B2AE3D27D4EB4F]], np.uint64)
-"""Odd factors of 64-bit hashes of rows, which are independent of each other."""
+"""Odd factors of 64-bit hashes of rows, one for each of the independent hashes."""
 
 DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 14
-"""Bits that a hash is shifted by, what sums are taken modulo, rows that are hashed together."""
+"""Number of bits of a shift of a hash, modulus of the sums, and number of rows hashed at a time."""
 
 NO_SUMS = (0,) * (1 + len(LANES))
-"""The `row_sums` of no rows."""
+"""Value of `row_sums` without rows."""
 
 
 def judge_alike() -> str:
-    """Return how to make values comparable, for messages."""
+    """Return the remedy that makes values comparable, for messages."""
     ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
     return f"evaluate all on a common clock, {ways}"
 
@@ -129,15 +130,16 @@ class Coverage:
     steps : int
         Size of the horizon.
     before, so_far : (T,) int arrays
-        How many stamps of the horizon are earlier than each evaluated step, and no later.
+        Number of timestamps of the horizon that are earlier than each evaluated step, and number
+        that are earlier or equal.
     ends : tuple of int, float or str
-        Its first and last stamp, as they were read; empty where it has none.
+        First and last timestamp of the horizon, as they were read; empty if it has none.
     steps_sha256 : str
-        Digest of its stamps.
+        Digest of the timestamps of the horizon.
     truth_states, truth_steps : int
-        States of the truth that count, and at how many steps.
+        Number of states of the truth that count, and number of their steps.
     truth_sha256 : str
-        Digest of these.
+        Digest of the states that count.
     """
 
     steps: int
@@ -151,7 +153,7 @@ class Coverage:
 
     @property
     def each(self) -> int:
-        """Divisor of costs per step: the steps, at least 1."""
+        """Divisor of costs per step: the number of steps, at least 1."""
         return max(self.steps, 1)
 
     def row(self) -> dict[str, object]:
@@ -181,13 +183,13 @@ def judge(
     Parameters
     ----------
     horizon : Trajectories
-        What has the stamps of the horizon.
+        Trajectories with the timestamps of the horizon.
     truth : Trajectories
-        The truth on the evaluated steps, those states that count.
+        States of the truth that count, on the evaluated steps.
     sha256 : str
-        Digest of these.
+        Digest of the states that count.
     states, at : int, optional
-        How many there are, and at how many steps, where `truth` has no rows.
+        Number of states that count and number of their steps, if `truth` has no rows.
     """
     ticks = horizon.times if len(horizon.times) else truth.times
     shown = horizon.shown if len(horizon.times) else truth.shown
@@ -204,17 +206,17 @@ def judge(
 
 
 def _distinct(step: Ints) -> int:
-    """Count the distinct steps of sorted rows; np.unique imports numpy.ma, slowly."""
+    """Count the distinct steps of sorted rows; np.unique imports numpy.ma, which is slow."""
     return int(np.count_nonzero(step[1:] != step[:-1])) + bool(len(step))
 
 
 def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return why values have no order, as they cover different steps or truth; else blank.
+    """Return a message that values of different steps or truth are not comparable, or a blank.
 
     Parameters
     ----------
     records : mapping of str to mapping
-        What each was judged on, as `Coverage.record`.
+        Coverage of each value by its name, in the form of `Coverage.record`.
     """
     first, *rest = records.values()
     differing = [
@@ -232,7 +234,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _steps_of(record: Mapping[str, Any]) -> str:
-    """Return the number of steps with truth, of those in the horizon; some may lie beside it."""
+    """Return the numbers of steps with truth and of the horizon, which may lack some of them."""
     at, horizon = record["truth_steps"], record["steps"]
     if at > horizon:
         return f"{counted(at, 'step')} (horizon: {horizon:,})"
@@ -240,26 +242,26 @@ def _steps_of(record: Mapping[str, Any]) -> str:
 
 
 def coverage_of(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the coverage that a comparison reads, from the row of a table."""
+    """Return the coverage that a comparison uses, from the row of a table."""
     return {name: row[f"judged.{name}"] for name in COVERAGE_FIELDS}
 
 
 def digest_of_times(ticks: TimeArray, clock: str) -> str:
-    """Return the SHA-256 of some times."""
+    """Return the SHA-256 digest of times."""
     sha = hashlib.sha256(clock.encode())
     _add(sha, whole(ticks))
     return sha.hexdigest()
 
 
 def digest(side: Trajectories, *, existence: bool = False) -> str:
-    """Return a digest of a side: everything in it that changes the number, and nothing else.
+    """Return a digest of exactly the parts of a side that change the value of the metric.
 
-    It is of the names of the columns, and of each row: id, time, state, covariance or particles
-    with their weights, the mark of what is not judged, and with `existence` the probability. A side
-    that a distance sees as points is digested as points. Not in it: labels, other attributes, the
-    order of the ids, and tracks and times without rows. Rows that are not marked have the digest
-    that they have without marks. The clock is in the digest of the steps; regions, weights of steps
-    and all options are in the parameters.
+    The digest covers the names of the columns, and for each row: id, time, state, covariance or
+    particles with their weights, the mark that it is not evaluated, and with `existence` the
+    probability. A side must be given as the distance uses it, as points for example. Labels, other
+    attributes, the order of the ids, and tracks and times without rows are not covered. Rows
+    without a mark have the same digest as in a side without marks. The clock is in the digest of
+    the steps. Regions, weights of steps and all options are in the parameters.
     """
     clouds = side.clouds
     arrays = () if clouds is None else (clouds.first, clouds.points, clouds.weights)
@@ -272,10 +274,10 @@ def _hash_of(name: str) -> bytes:
 
 
 def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
-    """Return the number of rows, and sums of their hashes; sums of parts add up to the whole.
+    """Return the number of rows and sums of their hashes; sums of parts add up to the whole.
 
-    They tell data apart that differ by accident; somebody who looks for other data with the same
-    sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
+    The sums detect accidental differences of data. They do not resist a deliberate search for other
+    data with the same sums. SHA-256 of each row would take as long as an evaluation.
     """
     marks = marks_of(side, NOT_COUNTED)
     if not marks.any():
@@ -290,7 +292,7 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
 
 
 def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> tuple[int, ...]:
-    """Return the sums of rows that are all marked, or none."""
+    """Return the sums of rows that are all marked, or all not marked."""
     names = b"".join([_hash_of(name) for name in side.ids.tolist()])
     ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
     timestamps = _bits(side.times)
@@ -325,16 +327,16 @@ def digest_of_sums(
     parts: Iterable[Sequence[int]],
     arrays: tuple[Ints | Floats, ...] = (),
 ) -> str:
-    """Return the SHA-256 of a side in hexadecimal.
+    """Return the SHA-256 digest of a side in hexadecimal.
 
     Parameters
     ----------
     columns : tuple of str
-        Of its states.
+        Names of the state columns.
     parts : iterable of sequence of int
-        The `row_sums` of its parts, in any order.
+        Results of `row_sums` for the parts of the side, in any order.
     arrays : tuple of arrays
-        What else it has.
+        Arrays of clouds, if the side has them.
     """
     sha = hashlib.sha256(repr((list(columns), list(_added(parts)))).encode())
     for array in arrays:
@@ -348,12 +350,12 @@ def _added(parts: Iterable[Sequence[int]]) -> tuple[int, ...]:
 
 
 def unsigned_zeros(numbers: Number) -> Number:
-    """Return the same numbers with 0.0 for -0.0, which has other bits."""
+    """Return the numbers with 0.0 instead of -0.0, which has other bits."""
     return numbers + 0  # type: ignore[return-value]
 
 
 def _bits(times: TimeArray) -> NDArray[np.uint64]:
-    """Return times as 64 bits each; whole ones as integers, so that 0 and 0.0 are the same."""
+    """Return times as 64 bits each; whole numbers as integers, so that 0 and 0.0 are equal."""
     if times.dtype.kind == "i":
         return times.astype(np.int64).view(np.uint64)
     answer = times.astype(np.float64).view(np.uint64)
@@ -363,7 +365,7 @@ def _bits(times: TimeArray) -> NDArray[np.uint64]:
 
 
 def whole(times: TimeArray) -> TimeArray:
-    """Return times as integers if all are whole, so that 0 and 0.0 are the same."""
+    """Return times as integers if all are whole, so that 0 and 0.0 are equal."""
     if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
         return times
     return times.astype(np.int64)

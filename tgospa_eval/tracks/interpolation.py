@@ -1,4 +1,4 @@
-"""One side at the stamps of the other: states on a line between those of a track, or held."""
+"""Conversion of one side to the timestamps of the other, by lines between states or by holding."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import (
     ClockReports,
     TimeMatching,
@@ -27,10 +27,10 @@ HALF_TURN = 180.0
 
 
 RUN = 1.5
-"""Periods between two rows of a track that are one run."""
+"""Largest number of periods between two rows of a track in one run."""
 
 SLACK = 1e-9
-"""Share of a period: a step that is so near to the end of a report is in the next."""
+"""Share of a period; a step that is so near to the end of a report belongs to the next report."""
 
 
 def interpolated(
@@ -43,43 +43,44 @@ def interpolated(
     names: tuple[str, str] = ("estimate", "truth"),
     across: str = "",
 ) -> tuple[Trajectories, tuple[int, int, int]]:
-    """Interpolate a side at the times of the other one; if either has no times, it stays as it is.
+    """Interpolate a side at the times of the other side; without times a side stays unchanged.
 
-    A state of a track at a stamp stays as it is. Where two consecutive states of a track are at
-    most `max_gap` apart, the stamps between them get states on the straight line, covariances
-    too; attributes are those of the state that is nearer in time, the earlier one of a tie. A
-    track is not continued before its first or after its last state.
+    A state at a timestamp of the other side stays unchanged. Between two consecutive states of a
+    track that are at most `max_gap` apart, states and covariances are on the straight line.
+    Attributes are those of the state that is nearer in time, in a tie of the earlier state. A track
+    is not continued before its first or after its last state.
 
     Parameters
     ----------
     side, other : Trajectories
-        What is interpolated, and what has the stamps.
+        Side to interpolate, and side with the timestamps.
     max_gap : float
-        In the unit of the stamps, seconds for ISO times.
+        Longest gap, in the unit of the timestamps, seconds for ISO times.
     tolerance : float
-        Stamps of both that are at most so far apart, each the nearest of the other, are one.
+        Timestamps of both sides that are at most so far apart, and each the nearest to the other,
+        are equal.
     periods : dict of str to float, optional
-        Of columns that wrap around: these go along the shorter way.
+        Periods of columns that wrap around; these are interpolated along the shorter way.
     names : pair of str
-        Of the two, for messages.
+        Names of both sides, for messages.
     across : str
-        Where two states are farther apart there are states between them as well, marked by this
-        attribute, and with `tracks.coverage.AWAY`. Blank: there are none.
+        Attribute that marks states in longer gaps, which also have `tracks.coverage.AWAY`. If it is
+        blank, longer gaps have no states.
 
     Returns
     -------
     side : Trajectories
-        At those stamps.
+        The side at these timestamps.
     counts : tuple of int
-        States that are between two of a track, that were there, and those at stamps that the other
-        side does not have.
+        Number of new states in gaps of at most `max_gap`, of kept states, and of left-out states at
+        timestamps that the other side does not have.
 
     Raises
     ------
     ConfigError
         States are clouds of particles.
     InputError
-        The stamps cannot be compared.
+        The timestamps cannot be compared.
     """
     mine, theirs = comparable(side, other, names)
     rows = len(side.step)
@@ -126,12 +127,12 @@ def interpolated(
 def at_ticks(
     side: Trajectories, ticks: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> Trajectories:
-    """Return the rows of a side at some times, within the tolerance; parameters as above.
+    """Return the rows of a side at the times of `ticks`, within the tolerance.
 
     Raises
     ------
     InputError
-        The stamps cannot be compared.
+        The timestamps cannot be compared.
     """
     at, there = match_times(side, ticks, tolerance, names)
     rows = np.flatnonzero(there[side.step])
@@ -141,12 +142,12 @@ def at_ticks(
 def match_times(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> tuple[Ints, Mask]:
-    """Find the times of a side among those of another, within the tolerance.
+    """Find the times of a side among those of another side, within the tolerance.
 
     Raises
     ------
     InputError
-        The stamps cannot be compared.
+        The timestamps cannot be compared.
     """
     mine, theirs = comparable(side, other, names)
     if len(mine) and len(theirs):
@@ -155,7 +156,7 @@ def match_times(
 
 
 def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
-    """Find own times among others: their positions, and which of them are there."""
+    """Find times among other times; return their positions, and which of them exist there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
     at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
@@ -165,10 +166,10 @@ def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
 ) -> tuple[Ints, Ints, Ints, Floats, Mask]:
-    """Return rows before and after, the time between them, and its share of the gap, of new rows.
+    """Return rows before and after each new row, its step, its share of the gap, and a mask.
 
-    They are between consecutive states of a track that are not too far apart; or, `across`, of any,
-    and the last array says between which these are.
+    New rows are between consecutive states of a track that are at most `max_gap` apart, with
+    `across` also in longer gaps. The mask is True for rows in longer gaps.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
@@ -225,29 +226,30 @@ def hold(
 ) -> tuple[Trajectories, ClockReports]:
     """Put the estimate on a common clock, where each report holds for its period.
 
-    Inside a run of a track a report holds up to the middle between it and its neighbours, at the
-    ends of a run for half a period. So n regular reports hold for n periods, and a single one for
-    one.
+    Inside a run of a track a report holds up to the middle between it and its neighbours, and at
+    the ends of a run for half a period. So n regular reports hold for n periods, and a single
+    report for one period.
 
     Parameters
     ----------
     truth, estimate : Trajectories
-        As they were read.
+        Both sides as they were read.
     ticks : Trajectories
-        The steps of the clock.
+        Steps of the clock.
     matching : TimeMatching
-        Step of the clock; longest gap inside a run; period, where one is declared.
+        Rules with the spacing of the clock, the longest gap inside a run, and the period if
+        declared.
     truth_at : callable
-        The truth at the stamps of a side.
+        Callable that receives a side and returns the truth at its timestamps.
     names : pair of str
-        Of estimate and option, for messages.
+        Names of estimate and option, for messages.
 
     Raises
     ------
     ConfigError
         A single report could fall between two steps.
     InputError
-        The stamps cannot be compared.
+        The timestamps cannot be compared.
     """
     mine, theirs = comparable(estimate, ticks, names)
     second = SECOND if estimate.clock != "number" else 1
@@ -295,5 +297,5 @@ def hold(
 
 
 def _period(gaps: Floats, step: float) -> float:
-    """Return the median interval of reports, the shorter of two; else the clock's step."""
+    """Return the lower median interval of reports, or the step of the clock without intervals."""
     return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

@@ -1,10 +1,10 @@
-"""Places of two sides in one frame: the Earth, local axes, or range and bearing of a sensor.
+"""Positions of two sides in one frame: the Earth, local axes, or range and bearing of a sensor.
 
-Around the origin, in two dimensions, a place is s sin(a) east and s cos(a) north, with the length s
-and the direction a of the shortest path on WGS 84 (azimuthal equidistant): lengths from the origin
-are those of the ellipsoid, others are too long by at most (s / R)^2 / 6, 0.016 % at 200 km. With
-heights it is metres east, north and up of the tangent plane at the origin, straight lines without
-any error.
+In two dimensions a position is s sin(a) east and s cos(a) north of the origin, with the length s
+and the direction a of the shortest path on WGS 84 (azimuthal equidistant). Lengths from the origin
+are those of the ellipsoid. Other lengths are too long by at most (s / R)^2 / 6, 0.016 % at 200 km.
+With heights a position is metres east, north and up of the tangent plane at the origin, and lengths
+are exact.
 """
 
 import math
@@ -20,7 +20,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 EARTH = (*PLACES, HEIGHT)
@@ -31,7 +31,7 @@ LIMITS = {
     "earth": ((0, "latitude", -90.0, 90.0), (1, "longitude", -360.0, 360.0)),
     "polar": ((0, "range", 0.0, math.inf), (2, "elevation", -90.0, 90.0)),
 }
-"""Places of columns with a least and a largest value."""
+"""Columns with a limited range, by kind of frame: position, name, least and largest value."""
 
 AXES = re.compile(r"(enu|ned)(?::(.+))?")
 SYSTEM = re.compile(r"[A-Za-z]+:[0-9]+")
@@ -43,22 +43,22 @@ FORMS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Coordinates of a side: their kind, and how they become local or geodetic.
+    """Coordinates of a side: their kind, and their conversion to local or geodetic coordinates.
 
     Parameters
     ----------
     text : str
-        As it was given.
+        Frame as it was given.
     kind : {"earth", "local", "polar", "system"}
         Degrees, metres along axes at the origin, range and angles from it, or a projected system.
     columns : tuple of str, optional
-        State columns; None of x, y and z as far as they are there.
+        State columns; None means x, y and, if present, z.
     down : bool
-        Axes are north, east, down; otherwise east, north, up.
+        Whether the axes are north, east, down instead of east, north, up.
     turn : float
-        Degrees by which the axes are turned clockwise: the bearing of the one that was north.
+        Degrees by which the axes are turned clockwise, the bearing of the turned north axis.
     option : str
-        For messages.
+        Option of the frame, for messages.
     """
 
     text: str
@@ -69,7 +69,7 @@ class Frame:
     option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
-        """Return places (d, R) out of range in a column, that column, and the first value."""
+        """Return which states (d, R) are out of range in a column, this column, and a message."""
         for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
                 wrong = (axes[k] < low) | (axes[k] > high)
@@ -112,7 +112,7 @@ def parse_frame(text: str, option: str) -> Frame:
     Raises
     ------
     ConfigError
-        It is none of these.
+        The text is not one of these forms.
     """
     plain = ",".join(part.strip() for part in text.split(","))
     for kind, names in (("earth", EARTH), ("polar", POLAR)):
@@ -135,7 +135,7 @@ def parse_origin(text: str) -> tuple[float, float, float]:
     Raises
     ------
     ConfigError
-        It is none.
+        The text is not an origin.
     """
     numbers = [parsed(part) for part in text.split(",")]
     known = [number for number in numbers if number is not None]
@@ -171,14 +171,14 @@ class Frames:
     Parameters
     ----------
     frames : pair of Frame
-        Of truth and estimate.
+        Frames of truth and estimate.
     origin : tuple of float, optional
-        Latitude, longitude and height.
+        Latitude, longitude and height of the origin.
 
     Raises
     ------
     ConfigError
-        One side is local, the other is not, and there is no origin.
+        One side is local, the other is not, and the origin is missing.
     """
 
     frames: tuple[Frame, Frame]
@@ -194,12 +194,12 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """A set of both sides' answers: True for local axes."""
+        """Set of True if a side is in local axes and False if a side is not."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
     def begin(self) -> tuple[float, float, float] | None:
-        """The origin of the common frame, if that is local."""
+        """Origin of the common frame, if this frame is local."""
         return self.origin if True in self.is_local else None
 
     @property
@@ -214,13 +214,13 @@ class Frames:
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
         """Convert both sides to one frame: local metres if one is local, else degrees and heights.
 
-        Heights take part where both sides have some. Where one has, that may move places sideways;
-        the warning says how far.
+        Heights are part of the states if both sides have them. If only one side has heights,
+        leaving them out may move positions sideways, and a warning has the largest error.
 
         Raises
         ------
         InputError
-            States have other columns, covariances, or places that the Earth has not.
+            States have other columns, covariances, or positions out of range.
         """
         for side, frame, name in zip(sides, self.frames, names, strict=True):
             self._check(side, frame, name)
@@ -235,7 +235,7 @@ class Frames:
     def _loss(
         self, sides: tuple[Trajectories, Trajectories], names: Sequence[str]
     ) -> Notice | None:
-        """Return a warning if local places lack the heights that the other side has."""
+        """Return a warning if one side has heights and the other is local without heights."""
         for k, (side, frame) in enumerate(zip(sides, self.frames, strict=True)):
             local = self.frames[1 - k]
             is_high = frame.kind == "earth" and len(side.columns) > 2 and len(side.state)
@@ -298,7 +298,7 @@ class Frames:
         return replace(side, columns=columns, state=clouds.means, clouds=clouds)
 
     def _converted(self, states: Floats, frame: Frame, size: int) -> Floats:
-        """Convert states of a frame to the common one, with so many columns."""
+        """Convert states of a frame to the common frame with `size` columns."""
         if frame.kind in ("local", "polar"):
             local = frame.to_local(states)
             if size == local.shape[1] or self.begin is None or len(self.is_local) == 1:

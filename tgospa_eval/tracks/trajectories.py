@@ -1,6 +1,6 @@
-"""Trajectories: one flat table, a row per object and step. Knows no file and no metric.
+"""Trajectories as one flat table with a row per object and step, independent of files and metric.
 
-Attributes of states are what a table says of each beside where it is, by the name of its column.
+Attributes of states are the values of further columns of a table, by the name of the column.
 """
 
 import warnings
@@ -15,7 +15,7 @@ from tgospa_eval.common.arrays import Floats, Ints, freeze, index_type, places_o
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError, TgospaWarning
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds
@@ -29,23 +29,23 @@ Attributes: TypeAlias = Mapping[str, Values]
 
 
 ROW = "\0row"
-"""The attribute with the number of the row of the file, as readers have it if it is asked for."""
+"""Attribute with the number of each row in its file, if requested."""
 
 
 def file_order(step: Ints, attributes: Attributes) -> Ints:
-    """Return rows (R,) in the order of their file, step by step; unchanged if it is not known."""
+    """Return rows (R,) by step and in the order of their file; unchanged if it is unknown."""
     if ROW not in attributes:
         return np.arange(len(step))
     return np.lexsort((attributes[ROW], step))
 
 
 def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
-    """Return read-only arrays of so many rows: numbers as doubles, all else as texts.
+    """Return attributes of `rows` rows as read-only arrays of doubles, or of texts.
 
     Raises
     ------
     InputError
-        One is not of this length.
+        An attribute has another length.
     """
     arrays: dict[str, Values] = {}
     for name, given in attributes.items():
@@ -74,7 +74,7 @@ def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
 
 
 def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
-    """Append rows to the attributes of the first; missing where the second lacks one."""
+    """Append `rows` rows to the attributes of the first; missing if the second lacks them."""
     joined: dict[str, Values] = {}
     for name, values in first.items():
         missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
@@ -88,40 +88,41 @@ CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO 
 """Kinds of time, and what they are called in messages."""
 
 PLACES, HEIGHT = ("lat", "lon"), "alt"
-"""State columns of places on the Earth, in degrees, and of heights in metres."""
+"""State columns of positions on the Earth, in degrees, and of heights in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectories:
     """A set of trajectories.
 
-    A row means that the object exists at that step. Absence has no other encoding, and no array has
+    A row means that the object exists at the step, and no row means that it is absent. No array has
     the size of all steps times all objects.
 
     Parameters
     ----------
     step, track : (R,) int32 arrays
-        Position in `times` and in `ids`; rows are sorted by (step, track), which are unique. Held
-        as int64 where there are too many times or ids.
+        Position in `times` and in `ids`; rows are sorted by (step, track), which is unique. Arrays
+        are int64 if there are too many times or ids.
     state : (R, d) float array
         Finite states, in the user's unit.
     ids : (k,) array of str
         Opaque names of the tracks.
     times : (T,) int64 or float64 array
-        Strictly increasing; nanoseconds since 1970 unless `clock` is ``"number"``.
+        Strictly increasing times; nanoseconds since 1970 unless `clock` is ``"number"``.
     columns : tuple of str
         Names of the d state columns.
     clock : {"number", "local", "zoned"}
-        What the times are.
+        Kind of the times.
     labels : (T,) array of str, optional
-        Times as they were read, where they are no numbers.
+        Times as they were read, unless they are numbers.
     covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
-        Covariance of each state, in the unit of the states squared; without, states are points. It
-        is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
-        eigenvalue that is negative by up to a thousandth of the largest becomes 0, with a warning;
-        lower triangles are taken to be covariances.
+        Covariance of each state, in the unit of the states squared; by default states are points.
+        It is stored as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
+        eigenvalue that is negative by up to a thousandth of the largest becomes 0, with a warning.
+        Lower triangles are only checked to be finite.
     clouds : Clouds, optional
-        The particles of each row; the states are their weighted means. Not beside covariances.
+        Particles of each row, whose weighted means are the states. Covariances are not allowed
+        together with clouds.
     attributes : mapping of str to (R,) array, optional
         Further values of each row, by name: numbers, NaN where missing, or texts, blank where
         missing. Readers read only the requested columns.
@@ -131,7 +132,8 @@ class Trajectories:
     Raises
     ------
     InputError
-        Shapes, order, uniqueness or finiteness are violated, or a matrix is no covariance.
+        A shape does not fit, rows are not sorted or not unique, a state is not finite, or a matrix
+        is not a covariance.
     """
 
     step: Ints
@@ -229,7 +231,7 @@ class Trajectories:
         return np.ascontiguousarray(packed.T)
 
     def _covariance(self, row: int) -> str:
-        """Return the covariance of a row, for messages."""
+        """Return the name of the covariance of a row, for messages."""
         return (
             f"covariance of id {quoted(self.ids[self.track[row]])}, t {self.shown[self.step[row]]}"
         )
@@ -255,12 +257,12 @@ class Trajectories:
 
     @property
     def spread(self) -> Floats | None:
-        """Lower triangles (R, d (d + 1) / 2) of what is around each state, if anything is."""
+        """Lower triangles (R, d (d + 1) / 2) of covariances, also of clouds; None for points."""
         if self.clouds is None:
             return self.covariance
-        from tgospa_eval.tracks.covariances import pack  # lazy: points do without
+        from tgospa_eval.tracks.covariances import pack  # lazy: points do not need it
 
-        with np.errstate(over="ignore", invalid="ignore"):  # an overflow matters to no picture
+        with np.errstate(over="ignore", invalid="ignore"):  # pictures ignore overflows
             return pack(self.clouds.covariances).T
 
     def dense(self) -> Floats:
@@ -271,7 +273,7 @@ class Trajectories:
 
     @property
     def shown(self) -> TimeArray | NDArray[np.object_]:
-        """The times as they were read (T,)."""
+        """Times as they were read (T,)."""
         return self.times if self.labels is None else self.labels
 
     def chosen(
@@ -282,9 +284,9 @@ class Trajectories:
         labels: NDArray[np.object_] | None = None,
         clock: str | None = None,
     ) -> "Trajectories":
-        """Return some of the rows, in order, with the tracks that still have any.
+        """Return some of the rows, in order, with the tracks that have rows.
 
-        At new steps of other times; by default at their own.
+        `step` and `times` are new steps and times of the rows; by default these stay the same.
         """
         if step is None or times is None:
             step, times, labels = self.step[rows], self.times, self.labels
@@ -294,7 +296,7 @@ class Trajectories:
         if not has_rows.all():
             track = (np.cumsum(has_rows) - 1)[track]
         ids = self.ids[has_rows]
-        part = object.__new__(Trajectories)  # rows of a checked side need no check
+        part = object.__new__(Trajectories)  # rows of a checked side are not checked again
         vars(part).update(
             vars(self),
             step=step.astype(index_type(len(times)), copy=False),
@@ -319,7 +321,7 @@ class Trajectories:
         clock: str,
         labels: NDArray[np.object_] | None = None,
     ) -> "Trajectories":
-        """Return steps without rows."""
+        """Return trajectories with these times and without rows."""
         none = np.zeros(0, np.int32)
         return cls(
             step=none,
@@ -334,7 +336,7 @@ class Trajectories:
 
     @property
     def kind(self) -> str:
-        """Kind of its states: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
+        """Kind of the states: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
         if self.clouds is not None:
             return "cloud"
         return "point" if self.covariance is None else "gaussian"
@@ -361,16 +363,17 @@ class Trajectories:
         Parameters
         ----------
         states : (T, k, d) array
-            States, NaN or masked where absent; of Gaussians the means.
+            States, or means of Gaussians; NaN or masked if absent.
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional
-            Covariances; those of absent states do not matter. One matrix (d, d) is that of all.
+            Covariances; those of absent states are ignored. A matrix (d, d) is used for all states.
 
         Raises
         ------
         InputError
-            Not three axes, or a value is infinite; covariances that do not fit or are none.
+            The array does not have three axes, a value is infinite, or a covariance does not fit or
+            is not valid.
         """
         try:
             states = as_doubles(states)
@@ -413,7 +416,7 @@ def as_doubles(values: object) -> Floats:
     Raises
     ------
     TypeError, ValueError
-        They are none.
+        A value is not a number.
     """
     if isinstance(values, np.ma.MaskedArray):
         return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
@@ -424,5 +427,5 @@ def as_doubles(values: object) -> Floats:
 
 
 def column_names(size: int) -> tuple[str, ...]:
-    """Return default names of state columns: x, y, z, from four on x0, x1, ..."""
+    """Return default names of state columns: x, y, z, or x0, x1, ... for more than three."""
     return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))

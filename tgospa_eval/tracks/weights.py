@@ -1,4 +1,4 @@
-"""Weights of states and steps: probabilities of existence, and weights of steps by time."""
+"""Weights of states, which are probabilities of existence, and weights of steps by time."""
 
 import numpy as np
 
@@ -6,24 +6,24 @@ from tgospa_eval.common.arrays import Floats, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Trajectories
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightsByTime:
-    """Weights of steps with the times that they are for.
+    """Weights of steps by time.
 
     Parameters
     ----------
     times : (N,) int64 or float64 array
-        Distinct, as in `Trajectories`.
+        Distinct times, as in `Trajectories`.
     cost, switch : (N,) float arrays
-        Factors of the costs at each time, and of switches into it.
+        Factors of the costs at each time, and of switches between the previous step and this one.
     clock : {"number", "local", "zoned"}
-        What the times are.
+        Kind of the times.
     name : str
-        Where they come from, for messages.
+        Source of the weights, for messages.
     """
 
     times: TimeArray
@@ -66,7 +66,7 @@ class WeightsByTime:
 
 
 def repeated(times: TimeArray) -> tuple[int, int, int] | None:
-    """Find the first repeated time: its row, the row that it repeats, and how many repeat."""
+    """Find the first repeated time: its row, the row it repeats, and the number of repeats."""
     order = np.argsort(times, kind="stable")
     again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
     if not len(again):
@@ -76,11 +76,11 @@ def repeated(times: TimeArray) -> tuple[int, int, int] | None:
 
 
 EXISTENCE = "existence"
-"""The column, and the attribute."""
+"""Name of the column and of the attribute of probabilities."""
 
 
 def existence_of(side: Trajectories) -> Floats:
-    """Return the probability of each row (R,)."""
+    """Return the probability of existence of each row (R,)."""
     given = side.attributes.get(EXISTENCE)
     return np.ones(len(side.step)) if given is None else np.asarray(given, np.float64)
 
@@ -90,14 +90,14 @@ def expected(
 ) -> tuple[Trajectories, Trajectories]:
     """Return both sides with valid probabilities, without rows of probability 0.
 
-    What exists with probability 0 does not exist; the steps stay. `names` are for messages.
+    Steps without rows stay. `names` are for messages.
 
     Raises
     ------
     ConfigError
-        Neither side has such an attribute.
+        Neither side has probabilities of existence.
     InputError
-        A value is blank, no number, or not from 0 to 1.
+        A value is blank, not a number, or not from 0 to 1.
     """
     sides = truth, estimate
     if not any(EXISTENCE in side.attributes for side in sides):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,12 +20,10 @@ from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.results.records import Json
-from tgospa_eval.show.rendering import Document, Table, as_latex, as_markdown, as_text, csv_text
+from tgospa_eval.show.table_text import Document, Table, as_latex, as_markdown, as_text, csv_text
 from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 
 
 def bracket(lower: float, upper: float) -> Interval:

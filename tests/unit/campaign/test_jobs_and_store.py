@@ -2,18 +2,16 @@
 
 import errno
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from answer import Write
 from stored import settings_of, stored_row
 
 from tgospa_eval import ConfigError, InputError
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.campaign.sums import tabulated
-
-Write = Callable[[str, str | bytes], str]
 
 
 @pytest.fixture

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 
 from tgospa_eval.results.saved import read_result
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
 OPTIONS = ("-c", "5", "-g", "1", "-q")
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 Save = Callable[..., str]
 
 
@@ -223,6 +221,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     ) in answer.err
 
 
+NOTICE = {"code": "a", "text": "b", "remedy": "c"}
 CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
     (
         lambda d: d.update(schema="tgospa-eval/result/9"),
@@ -250,6 +249,7 @@ CHANGES: tuple[tuple[Callable[[Any], Any], str], ...] = (
     (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
     (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
     (lambda d: d.update(warnings=[{"code": 1}]), "warnings[0].text: is missing; expected a"),
+    (lambda d: d.update(warnings=[NOTICE | {"more": 1}]), "warnings[0].more: is an unknown field"),
 )
 """Of a document, with what the refusal says."""
 

@@ -9,11 +9,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from answer import Answer
+from answer import Invoke
 
 from tgospa_eval import SolverError
 from tgospa_eval.campaign import solver_runs
@@ -21,7 +20,6 @@ from tgospa_eval.campaign.solver_runs import spread
 from tgospa_eval.campaign.store import Store, locked
 from tgospa_eval.simulation import Scene, Tracker
 
-Invoke = Callable[..., Answer]
 SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
          "--epsilon", "0.1,0.03", "--jobs", "1", "-q")  # fmt: skip
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -144,7 +145,7 @@ def jackknife(function: Callable[[np.ndarray], float], size: int) -> float:
     return float(stats.t.ppf(0.975, size - 1) * error)
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(seed=st.integers(0, 99), order=st.sampled_from([1.0, 2.0, 3.5]))
 def test_intervals_hold_for_all_totals_between_the_bounds(seed: int, order: float) -> None:
     rng = np.random.default_rng(seed)
@@ -364,7 +365,7 @@ def test_no_job_has_a_value() -> None:
     assert (document["groups"], document["ranking"], len(document["jobs"])) == ([], [], 8)
 
 
-@settings(max_examples=4)
+@settings(max_examples=examples(4))
 @given(st.randoms(use_true_random=False))
 def test_order_and_names_of_rows_change_nothing(random: Any) -> None:
     rows = table({"a": A, "b": B, "c": C}, width=1.0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from all_pairs import WAYS, assert_as_by_brute_force, go, table
+from answer import Invoke, Write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,9 +25,6 @@ from tgospa_eval.distances import (
     near_pairs,
 )
 from tgospa_eval.distances import pair_search as search
-
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 EARTH = 6371008.8
 COVARIANCE = [[4.0, 1.9, 0.0], [1.9, 1.0, 0.1], [0.0, 0.1, 9.0]]
@@ -192,8 +190,8 @@ def test_near_pairs(name: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
     distance = METRICS[name]
     rng = np.random.default_rng([list(METRICS).index(name), len(way)])
     for spread in (1e-6, 3.0, 60.0, 1e4):
-        step = np.sort(rng.integers(0, 4, (2, 50)), axis=1)
-        truth, estimate = (table(own, states(name, rng, 50, spread), 4) for own in step)
+        step = np.sort(rng.integers(0, 4, (2, 30)), axis=1)
+        truth, estimate = (table(own, states(name, rng, 30, spread), 4) for own in step)
         every = np.sort(distance(truth.state[:, None], estimate.state[None]), axis=None)
         positive = every[every > 0]
         # Cutoffs at which a pair is exactly, and just within.
@@ -482,7 +480,7 @@ def test_a_settings_file_names_circles(invoke: Invoke, write: Write, pair: tuple
         (
             ["--distance", "iou", "--columns", "left,top,width=x,height"],
             3,
-            ["t.csv", "line 2", '"width"', "0 is no width", "> 0"],
+            ["t.csv", "line 2", '"width"', "0 is not a width", "> 0"],
         ),
     ],
 )

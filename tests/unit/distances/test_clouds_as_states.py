@@ -4,7 +4,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Run, Write
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import cloud_distance, programme
@@ -41,14 +42,11 @@ from tgospa_eval.distances import clouds as bounds
 from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
-from tgospa_eval.show.plane import Plane, ellipses
+from tgospa_eval.show.draw_plane import Plane, ellipses
 from tgospa_eval.show.style import STYLES
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.covariances import unpack
-
-Write = Callable[[str, str | bytes], str]
-Run = Callable[..., Answer]
 
 TRUTH = "id,t,weight,x,y\n1,0,.5,0,0\n1,0,.3,2,0\n1,0,.2,0,3\n2,0,1,50,50\n1,1,.5,9,9\n1,1,.5,7,9\n"
 ESTIMATE = "id,t,weight,x,y\na,0,.6,1,0\na,0,.4,0,2\nb,0,1,50,51\na,1,1,8,9\n"
@@ -179,7 +177,7 @@ def test_global_covariance_is_the_mean_of_all_clouds() -> None:
         evaluate(flat, flat, distance=CloudWasserstein(inner="mahalanobis"))
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.sampled_from([1.0, 2.0]))
 def test_tgospa_of_clouds_is_a_metric(seed: int, cloud_order: int, order: float) -> None:
     sides = [scene(seed + k, tracks=3, most=4) for k in range(3)]
@@ -274,7 +272,7 @@ def sliced_one_by_one(a: Cloud, b: Cloud, distance: SlicedWasserstein) -> float:
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("maximum", [False, True])
 def test_sliced_is_the_mean_or_the_largest_of_transports(order: int, maximum: bool) -> None:
-    a, b = scene(1), scene(2)
+    a, b = scene(1, tracks=4, steps=2), scene(2, tracks=4, steps=2)
     for inner in ({}, {"inner": "mahalanobis", "covariance": [[4, 1], [1, 2]], "scale": (2, 0.5)}):
         distance = SlicedWasserstein(order=order, maximum=maximum, directions=7, **inner)
         every = {
@@ -291,7 +289,7 @@ def test_sliced_is_the_mean_or_the_largest_of_transports(order: int, maximum: bo
             assert as_dict(gated) == pytest.approx(below(cutoff, every), rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.booleans(), st.sampled_from([2, 3]))
 def test_sliced_is_a_pseudometric_below_the_whole_distance(
     seed: int, order: int, maximum: bool, size: int

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Callable
 from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from all_pairs import WAYS, go
+from answer import Invoke, Write
 from checkout import SAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,8 +32,6 @@ from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 Array = np.ndarray
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -403,7 +401,7 @@ def test_near_pairs(d: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     period = (5.0, *[math.inf] * (d - 1))
     for distance in (W2, GaussianWasserstein(period=period, scale=(0.5,) * d)):
         for spread in (1e-6, 3.0, 1e4):
-            sides = [table(rng, 30, d, spread) for _ in range(2)]
+            sides = [table(rng, 18, d, spread) for _ in range(2)]
             axes = [distance.axes(side, slice(None)).T for side in sides]
             every = distance(axes[0][:, None], axes[1][None])
             together = sides[0].step[:, None] == sides[1].step[None]

@@ -55,7 +55,7 @@ def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
     go(way, monkeypatch)
     rng = np.random.default_rng([KINDS.index(kind), len(way)])
     for size in (1, 2, 3, 4):
-        count = int(rng.integers(30, 60))
+        count = int(rng.integers(20, 40))
         steps = rng.integers(0, 4, (2, count)) * 2 + [[0], [1]] * rng.integers(0, 2, count)
         truth, estimate = (table(step, places(kind, count, size, rng), 9) for step in steps)
         for norm in NORMS:

@@ -61,7 +61,7 @@ def kill(output: str) -> None:
 def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
     with (
         PersistentPool(Processes(1), 1) as pool,
-        pytest.raises(SolverError, match="a process died of 000007, most likely for want of"),
+        pytest.raises(SolverError, match="a process died during 000007, most likely from lack of"),
     ):
         run_tasks({str(tmp_path / "000007"): kill}, pool)
 

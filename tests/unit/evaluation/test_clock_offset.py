@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import TgospaWarning, Trajectories, evaluate
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 BEGIN = datetime(2024, 5, 1, 12, tzinfo=UTC)
 
@@ -85,7 +83,7 @@ def found(invoke: Run, write: Write, seed: int, *, moved: bool) -> tuple[Any, fl
     return clock(invoke, *files), offset, step / 2
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(200, marks=pytest.mark.slow)])
 def test_found_within_half_a_step(invoke: Run, write: Write, count: int) -> None:
     """Offsets up to two hours, at least 95 % of them; nothing is said of what has none."""
     right = 0
@@ -232,7 +230,7 @@ def displaced(seed: int) -> tuple[pd.DataFrame, pd.DataFrame, float]:
     return pd.DataFrame(truth, columns=names), pd.DataFrame(estimate, columns=names), offset
 
 
-@pytest.mark.parametrize("count", [10, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
 def test_an_offset_beside_a_bias(count: int, invoke: Run, write: Write) -> None:
     """The interval covers 95 % of those that are named; large ones all are."""
     named = inside = 0

@@ -1,12 +1,12 @@
 """NEES of assigned pairs: values, bands, words, and what `compare` says beside an order."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Invoke
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.evaluation.consistency import ranks, shortest_differences, squared
@@ -15,7 +15,6 @@ from tgospa_eval.results.consistency import NeesSums, nees_sums
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
-Invoke = Callable[..., Any]
 Array = np.ndarray[Any, Any]
 
 

@@ -2,20 +2,18 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, evaluate
 
-Invoke = Callable[..., Answer]
-Write = Callable[[str, str], str]
 PARTS = ["localisation", "missed", "false", "switch"]
 
 
@@ -35,7 +33,7 @@ def same_as_separate(truth: np.ndarray, estimate: np.ndarray, **others: float) -
 
 
 @given(pairs_of_sets(most=4, most_steps=7), ORDERS, SWITCH)
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 def test_points_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray], order: float, switch: float
 ) -> None:
@@ -73,7 +71,7 @@ def test_a_change_is_judged_by_what_is_known_by_then() -> None:
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 def test_a_time_limit_leaves_proven_brackets(seed: int) -> None:
     truth, estimate = scene(seed, 6, 7, 20, side=8.0)
     solver = Certified(time_limit=1e-9)

@@ -76,7 +76,7 @@ def test_derivatives_are_differences(
     gradient = result.gradient()
     assert gradient.unique
     scale = np.abs(gradient.total).max()
-    for step, track, column in [(0, 0, 0), (3, 1, 1), (5, 0, 0), (5, 2, 1), (8, 3, 0)]:
+    for step, track, column in [(0, 0, 0), (3, 1, 1), (5, 2, 1)]:
         by = np.zeros_like(estimate)
         by[step, track, column] = 1e-6
         difference = (total(estimate + by) - total(estimate - by)) / 2e-6
@@ -191,7 +191,7 @@ def test_clouds_are_moved_particle_by_particle(order: int, inner: str) -> None:
     gradient = run(sides[1]).gradient()
     table = gradient.table
     assert table["id"].tolist() == sides[1]["id"].astype(str).tolist()
-    for row in range(0, 20, 3):
+    for row in range(0, 20, 5):
         for column in ("x", "y"):
             both = []
             for sign in (1, -1):

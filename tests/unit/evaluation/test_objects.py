@@ -246,7 +246,7 @@ def test_a_loop(arrays: tuple[np.ndarray, np.ndarray], expected: Result) -> None
         ((6, [1], [[np.inf, 0]], [], []), "infinite"),
         ((6, [None], [[0, 0]], [], []), "NoneType, not an id"),
         ((6, [1], [["a", "b"]], [], []), "holds numbers"),
-        ((6, [1], [[1], [1, 2]], [], []), "no array|ids and states"),
+        ((6, [1], [[1], [1, 2]], [], []), "not an array|ids and states"),
     ],
 )
 def test_updates_that_are_refused_leave_nothing(update: tuple, message: str) -> None:

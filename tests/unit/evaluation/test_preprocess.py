@@ -2,21 +2,17 @@
 
 import io
 import json
-from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from tgospa_eval import evaluate
 from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS
-
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 
 QUIET = {"PRINT_CONFIG": False}
 BOXES = ("--distance", "iou", "-c", "0.5", "-g", "0.5")

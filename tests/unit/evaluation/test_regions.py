@@ -3,14 +3,13 @@
 import io
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke, Write
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,9 +17,6 @@ from tgospa_eval import ConfigError, InputError, evaluate
 from tgospa_eval.evaluation.regions import as_regions, inside
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.frames import from_frame
-
-Write = Callable[[str, str], str]
-Invoke = Callable[..., Answer]
 
 BOX = ("left", "top", "width", "height")
 PLACES = ("5,5", "15,5", "5,15", "25,25", "0,0")
@@ -205,8 +201,8 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
         ("t,left,top,width,height\n0,0,0,0,4\n", "line 2: a width of 0, a region without area"),
         ("x,y,radius\n0,0,-1\n", "line 2: a radius of -1, a region without area"),
         ("left,top,width,height\n0,0,4,x\n", 'line 2, column "height": not a number: "x"'),
-        ("left,top,width,height\n0,0,4,inf\n", "line 2: a number beyond 1e+150, or none"),
-        ("polygon\n0 0; 1e200 0; 0 1\n", "line 2: a number beyond 1e+150, or none"),
+        ("left,top,width,height\n0,0,4,inf\n", "line 2: a number beyond 1e+150, or not a number"),
+        ("polygon\n0 0; 1e200 0; 0 1\n", "line 2: a number beyond 1e+150, or not a number"),
         ("left,top,width,height\n0,0,4,\n", "line 2: has left, top, width; a region has left,"),
         ("left,top,width,height\n0,0,4\n", "line 2: 3 fields, the header has 4"),
         ("left,top,wide,height\n0,0,4,5\n", 'line 1: column "wide" is not a column of regions'),
@@ -223,7 +219,7 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
         ('{"type": "Point", "coordinates": [0, 1]}', 'feature 0: "Point" is neither a Polygon'),
         ('{"type": "Polygon", "coordinates": [[0, 1]]}', "feature 0: the coordinates of a Polygon"),
         ('{"type": "Polygon", "coordinates": [[["0", 1]]]}', "feature 0: the coordinates of a"),
-        ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: no JSON"),
+        ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: not JSON"),
         ('{"a": ' + "[" * 100000, "not GeoJSON: nested too deeply"),
         ('{"type": "Feature", "properties": {"t": "x"}, "geometry": {"type": "Polygon", '
          '"coordinates": [[[0, 0], [1, 0], [0, 1]]]}}', 'feature 0, property "t": not a time'),

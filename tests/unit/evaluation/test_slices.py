@@ -225,7 +225,7 @@ def test_every_output_has_them(
     [
         (["--slice", "nothing"], '--slice "nothing": neither side has such a column (found: '),
         (["--slice", "x=3:1"], "edges must increase"),
-        (["--slice", "x", "--sweep", "c=1,2"], "--slice is for one evaluation, not for --sweep"),
+        (["--slice", "x", "--sweep", "c=1,2"], "--slice is not supported with --sweep"),
     ],
 )
 def test_errors_of_the_command_line(
@@ -316,6 +316,15 @@ def test_other_states() -> None:
     assert [one.name for one in found.slices] == ["2", "4"]
 
 
+def test_numbers_of_one_side_are_read_beside_the_texts_of_the_other() -> None:
+    truth = pd.DataFrame({"id": ["a", "b"], "t": 0, "x": [0.0, 50.0], "kind": [1, 2]})
+    estimate = truth.assign(kind=["1", "x"])
+    (slicing,) = evaluate(truth, estimate, 2.0, slices="kind").slices()
+    assert [(one.name, one.truth_steps, one.estimate_steps) for one in slicing.slices] == [
+        ("1", 1, 1), ("2", 1, 0), ("x", 0, 1),
+    ]  # fmt: skip
+
+
 def test_shares_that_are_not_known() -> None:
     truth = table(TRUTH).assign(seen=[-1, 0.25, 1, np.nan])
     found = evaluate(truth, table(ESTIMATE).assign(seen=-1), 2, 1, 1, slices="seen=weight").slices()
@@ -344,7 +353,7 @@ def test_ties_are_said() -> None:
         ("x=inf", "edges are finite numbers"),
         ("lane=L::R", "a value is blank or given twice"),
         ("lane=L:L", "a value is blank or given twice"),
-        ("lane=Q", "none of these exists; there are L, R"),
+        ("lane=Q", "no such value; the values are L, R"),
         ("lane=0:1", r'has texts \(L, R\), which have no edges; by value: slices="lane"'),
         ("lane=weight", r"has texts \(L, R\), which have no weight"),
         ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),

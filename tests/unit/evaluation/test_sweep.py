@@ -1,14 +1,14 @@
 """Sweeps of a parameter: every point is a separate evaluation, however it was found."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from answer import Answer
+from answer import Invoke, Write
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, pairs_of_sets, scene
@@ -28,9 +28,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
-Invoke = Callable[..., Answer]
 Pair = tuple[str, str]
-Write = Callable[[str, str], str]
 
 VALUES = {
     "cutoff": [0.4, 0.8, 1.1, 1.6, 3.0],
@@ -54,7 +52,7 @@ def same_as_separate(
 
 
 @given(pairs_of_sets(), st.sampled_from(sorted(VALUES)), ORDERS)
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_points_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float
 ) -> None:
@@ -312,7 +310,7 @@ def test_pictures_of_the_folder(
 
 def test_what_the_picture_shows() -> None:
     pytest.importorskip("matplotlib")
-    from tgospa_eval.show.charts import pictures, plot
+    from tgospa_eval.show.chart_list import pictures, plot
 
     truth, estimate = scene(2, 3, 4, 12, side=10.0)
     found = sweep(truth, estimate, cutoff=[1, 2, 4, 8, 16], switch_penalty=2, unit="$m")
@@ -338,7 +336,7 @@ def test_what_the_picture_shows() -> None:
     ORDERS,
     st.tuples(st.floats(0.3, 3), st.floats(0.01, 2), st.floats(0.05, 0.95)),
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_prices_between_neighbours_prove_the_chord(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float, at: tuple[float, float, float]
 ) -> None:

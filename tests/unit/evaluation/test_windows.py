@@ -2,14 +2,14 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from answer import Answer
+from answer import Invoke, Write
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
@@ -18,8 +18,6 @@ from tgospa_eval import Certified, ConfigError, Exact, evaluate
 from tgospa_eval.evaluation.curve import SeparateStretches
 from tgospa_eval.evaluation.request import Sliding
 
-Invoke = Callable[..., Answer]
-Write = Callable[[str, str], str]
 PARTS = ["localisation", "missed", "false", "switch"]
 
 
@@ -66,7 +64,7 @@ def same_as_separate(
     st.integers(1, 10),
     st.data(),
 )
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_windows_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray],
     order: float,
@@ -229,7 +227,7 @@ def test_few_stretches_are_solved_and_each_once(monkeypatch: pytest.MonkeyPatch)
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=8)
+@settings(max_examples=examples(8))
 def test_a_time_limit_leaves_proven_brackets(seed: int) -> None:
     truth, estimate = scene(seed, 6, 7, 20, side=8.0)
     solver = Certified(time_limit=1e-9)

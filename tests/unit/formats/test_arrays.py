@@ -2,18 +2,15 @@
 
 import io
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import InputError, Trajectories
 from tgospa_eval.formats import ReadOptions, read
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 
 def npy(array: Any) -> bytes:

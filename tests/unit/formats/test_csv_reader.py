@@ -3,13 +3,14 @@
 import csv
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Write
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rows import PLAIN, SAME, refusal, rows_of
@@ -17,8 +18,6 @@ from rows import PLAIN, SAME, refusal, rows_of
 from tgospa_eval import InputError, Trajectories, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
-
-Write = Callable[[str, str | bytes], str]
 
 
 @pytest.fixture(autouse=True, scope="module", params=["compiled", "careful", "large"])
@@ -124,16 +123,16 @@ def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
     [
         ("# my tracker, v1\n\n# end\n", "line 1: a comment where the header should be"),
         ("# my tracker, v1\na,b,c\n", "line 2: no column for id, t, position"),
-        ("id,t,x\na,1,2\n#b,1,2\n", "line 3: a comment, not a row"),
-        ("id,t,x\n // b,1,2\na,1,2\n", "line 2: a comment, not a row"),
-        ('id,t,x\na,1,2\n" %b",1,2\n', "line 3: a comment, not a row"),
+        ("id,t,x\na,1,2\n#b,1,2\n", "line 3: begins like a comment"),
+        ("id,t,x\n // b,1,2\na,1,2\n", "line 2: begins like a comment"),
+        ('id,t,x\na,1,2\n" %b",1,2\n', "line 3: begins like a comment"),
         ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
         (
             "0 1 2 3\n",
             "line 1: 4 numbers where the header should be (0, 1, 2, 3)",
         ),
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
-        ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
+        ("id t x\n#a 1 2\nb 1 2\n", "line 2: begins like a comment"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
         ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "a.csv: no column for position"),
         ('{"id": 0, "t": 0, "x": 1}\n', "a.csv: JSON, not a table"),
@@ -165,7 +164,7 @@ def test_comments_between_rows(write: Write, monkeypatch: pytest.MonkeyPatch, si
     reading = read(write("a.csv", text.format("")))
     assert rows_of(reading.trajectories) == {("a", 1): (2.0,), ("b", 1): (3.0,)}
     assert "3 lines of comments passed over" in reading.notices
-    with pytest.raises(InputError, match="line 6: a comment, not a row, or an id"):
+    with pytest.raises(InputError, match="line 6: begins like a comment"):
         read(write("a.csv", text.format("#")))
     for name, row in (("motchallenge", "1,7,10,20,4,6,1"), ("kitti", KITTI)):
         for where in ("# a, b\n{}\n", "{}\n#1,7\n", "# 1 2 3 4 5 6\n\n{}\n% b\n"):

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Run
 from checkout import SAMPLES
 
 from tgospa_eval import InputError
@@ -14,8 +14,6 @@ from tgospa_eval.formats import ReadOptions, read
 
 pa = pytest.importorskip("pyarrow")
 feather = pytest.importorskip("pyarrow.feather")
-
-Run = Callable[..., Any]
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd", "uncompressed"])

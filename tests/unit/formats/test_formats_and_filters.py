@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -11,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import ConfigError, InputError, read_trajectories
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.roles import find_roles
 from tgospa_eval.formats.text import lines
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 MOT = "1,7,10,20,4,6,1,-1,-1,-1\n2,7,12,20,4,6,0,-1,-1,-1\n2,8,50,50,10,10,0.5,-1,-1,-1\n"
 KITTI = (
@@ -172,7 +169,7 @@ def test_invalid_rows_are_left_out_if_that_is_asked(write: Write, tmp_path: Path
         (write("mot.txt", mot), "line 2"),
         (write("kitti.txt", kitti), "line 2"),
     ):
-        what = f'{where}, column "width": -3 is no width of a box (and 1 more); it must be >= 0'
+        what = f'{where}, column "width": -3 is not a width of a box (and 1 more); it must be >= 0'
         with pytest.raises(InputError) as caught:
             read(path)
         assert str(caught.value) == f'{path}, {what}; on_invalid="drop" leaves such rows out'

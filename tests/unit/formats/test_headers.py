@@ -1,15 +1,13 @@
 """Which column is which: names of headers, what maps them, and rows that are no tracks."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from answer import Write
 from rows import PLAIN, SAME, refusal, rows_of
 
 from tgospa_eval import ConfigError, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
-
-Write = Callable[[str, str | bytes], str]
 
 
 @pytest.mark.parametrize(

@@ -8,20 +8,20 @@ import shutil
 import struct
 import sys
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run
 from checkout import SAMPLES
 from scipy.io import savemat
+from scipy.sparse import csc_array
 
 from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate, read_trajectories
 from tgospa_eval.engines import DiedError, call_in_helper
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
-Run = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
 RUN, TRUTH_73 = FOLDER / "run.mat", FOLDER / "truth73.mat"
 BOTH = {"tVec": [[1.0], [2.0]], "iVec": [[3.0], [1.0]], "xState": np.arange(12.0).reshape(2, 3, 2)}
@@ -124,6 +124,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
         ),
         ({"xState": np.ones((2, 3, 2)) * 1j}, "xState: not real numbers"),
         ({"xState": "text"}, "xState: not real numbers"),
+        ({"tVec": csc_array([[1.0], [2.0]])}, "tVec: not real numbers"),
         ({"xState": np.ones((2, 3))}, "xState is 2 x 3"),
     ],
 )

@@ -127,10 +127,10 @@ def test_runs_are_a_dimension(made: Any) -> None:
 def test_dimensions_without_meaning(made: Any) -> None:
     truth, estimate = scene()
     odd = made.array(estimate, ("time", "object", "colour"), {})
-    with pytest.raises(InputError, match=r'^estimate: a dimension "colour"; those of run, time,'):
+    with pytest.raises(InputError, match=r'^estimate: a dimension "colour"; known names are run,'):
         evaluate(truth, odd, **GIVEN)
     twice = dict.fromkeys(("position", "velocity"), (("time", "object", "state"), estimate))
-    with pytest.raises(InputError, match=r"^estimate: velocity is not the only variable of such"):
+    with pytest.raises(InputError, match=r"^estimate: velocity is not the only variable of these"):
         evaluate(truth, made.dataset(twice, {}), **GIVEN)
     still = made.array(estimate[0], ("object", "state"), {})
     with pytest.raises(InputError, match=r"^estimate: dimensions object, state: no time$"):

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run
 from checkout import SAMPLES
 
 from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
 
-Run = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
 TABLES, RESULTS = FOLDER / "v1.0-mini", FOLDER / "nuscenes_results.json"
 BESIDE = ReadOptions(beside=(str(TABLES),))
@@ -155,7 +155,7 @@ def test_wrong_objects(results: Path, change: Callable[[Any], object], message: 
     with pytest.raises(InputError, match=message):
         read(results, BESIDE)
     edit(results, lambda document: next(iter(document["results"].values())).insert(0, "car"))
-    with pytest.raises(InputError, match="object 1: no object with keys"):
+    with pytest.raises(InputError, match="object 1: not an object with keys"):
         read(results, BESIDE)
 
 
@@ -163,14 +163,14 @@ def test_wrong_objects(results: Path, change: Callable[[Any], object], message: 
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ('{"results": {', "line 1, column 14: no readable JSON"),
+        ('{"results": {', "line 1, column 14: not readable JSON"),
         ('{"results": {"a": []}}', 'sample "a" is not in .*sample.json'),
-        ('{"results": []}', "no results of nuScenes"),
-        ("[1]", "no results of nuScenes"),
-        ("[" * 100_000, "no readable JSON: nested too deeply"),
-        ('{"results": {"a": ' + "9" * 5000 + "}}", "no readable JSON"),
-        (b'{"results": {"\xff": []}}', "no readable JSON"),
-        (b"\xff\xfe{", "no readable JSON"),
+        ('{"results": []}', "not results of nuScenes"),
+        ("[1]", "not results of nuScenes"),
+        ("[" * 100_000, "not readable JSON: nested too deeply"),
+        ('{"results": {"a": ' + "9" * 5000 + "}}", "not readable JSON"),
+        (b'{"results": {"\xff": []}}', "not readable JSON"),
+        (b"\xff\xfe{", "not readable JSON"),
     ],
 )
 def test_wrong_documents(write: Callable[..., str], text: str | bytes, message: str) -> None:
@@ -209,5 +209,5 @@ def test_missing_tables_and_too_large_ones(tables: Path) -> None:
     with pytest.raises(InputError, match=r"instance.json: no such file"):
         read(tables)
     (tables / "instance.json").write_text("{}")
-    with pytest.raises(InputError, match="no table of nuScenes, which is a list"):
+    with pytest.raises(InputError, match="not a table of nuScenes, which is a list"):
         read(tables)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Invoke
 from checkout import SAMPLES
 
 from tgospa_eval import InputError, evaluate, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 
-Invoke = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
 BY_LIBRARIES = (".mat", ".feather")
 """Files whose bytes depend on the versions of libraries."""

@@ -1,20 +1,16 @@
 """VisDrone tracks: what tells them apart, what is left out, and the answer of the same CSV."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import pandas as pd
 import pytest
+from answer import Run, Write
 from checkout import SAMPLES
 
 from tgospa_eval import InputError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.text.table import CATEGORIES, VISDRONE_FIELDS
-
-Run = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 
 FOLDER = SAMPLES / "visdrone"
 TRUTH, RESULT = str(FOLDER / "gt.txt"), str(FOLDER / "res.txt")
@@ -73,7 +69,7 @@ def test_which_it_is(write: Write, line: str, format_: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (GT + "3,1,0,0,1,1,1,12,0,0\n", 'line 6, column "class": "12" is no class of VisDrone;'),
+        (GT + "3,1,0,0,1,1,1,12,0,0\n", 'line 6, column "class": "12" is not a class of VisDrone;'),
         (GT + "3,1,0,0,1,1,x,4,0,0\n", 'line 6, column "score": not a number: "x"'),
         ("1,1,0,0,1,1,1,4,0\n", "9 fields; VisDrone tracks have 10"),
         ("1,-1,0,0,1,1,1,4,0,0\n", "every id is -1"),

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -31,7 +32,7 @@ def way(name: str) -> Iterator[None]:
         yield
 
 
-@settings(max_examples=120, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(120), suppress_health_check=list(HealthCheck))
 @given(
     rows=st.lists(
         st.tuples(ODD_FIELDS | st.integers(0, 30).map(str), st.integers(0, 9).map(str) | ODD_FIELDS,
@@ -113,7 +114,7 @@ def test_a_decimal_comma_between_commas_is_none() -> None:
 
 
 @compiled
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(
     st.lists(
         st.floats(allow_nan=False, allow_infinity=False).map(repr)

@@ -110,7 +110,7 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(folders: tuple[str, str]
     result = in_parts(folders)
     folder = Path(result.tables.folder)
     (folder / "per_truth.parquet").unlink()
-    with pytest.raises(InputError, match=r"per_truth.parquet: is not there any more"):
+    with pytest.raises(InputError, match=r"per_truth.parquet: no longer exists"):
         result.table("per_truth")
     (folder / "switches.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match=r"switches.parquet: cannot be read: "):

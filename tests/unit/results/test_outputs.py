@@ -6,7 +6,6 @@ import json
 import math
 import pickle
 import re
-from collections.abc import Callable
 from functools import reduce
 from operator import getitem
 from pathlib import Path
@@ -15,14 +14,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke, Write
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.results.records import Columns
-from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.result_text import REPORTS
+from tgospa_eval.show.table_text import csv_text
 
-Invoke = Callable[..., Any]
-Write = Callable[[str, str | bytes], str]
 Pair = tuple[str, str]
 
 PARTS = ("localisation", "missed", "false", "switch")

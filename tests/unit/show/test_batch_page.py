@@ -7,8 +7,8 @@ import pytest
 
 from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.batch import MAX_SQUARES, RmsCurve, heat_of, on_one_axis
-from tgospa_eval.show.rendering import first_names, order_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
+from tgospa_eval.show.table_text import first_names, order_in_words
 
 
 def luminance(colour: str) -> float:

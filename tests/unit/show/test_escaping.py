@@ -5,8 +5,8 @@ import pickle
 import pytest
 
 from tgospa_eval import InputError
-from tgospa_eval.show import rendering as escape
-from tgospa_eval.text import clipped, listed, quoted, visible, visible_lines
+from tgospa_eval.quoting import clipped, listed, quoted, visible, visible_lines
+from tgospa_eval.show import table_text as escape
 
 
 @pytest.mark.parametrize(

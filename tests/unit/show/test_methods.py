@@ -73,5 +73,5 @@ def test_on_the_command_line(invoke: Callable[..., Any]) -> None:
     done = invoke(*map(str, SIDES), "-c", "10", "-g", "5", "--format", "methods", "-q")
     assert done.out == methods(evaluate(*SIDES, 10.0, 2, 5.0))
     done = invoke(*map(str, SIDES), "--sweep", "gamma=1,2", "--format", "methods")
-    assert "--format methods is for one evaluation" in done.err
+    assert "--format methods is not supported with --sweep" in done.err
     assert invoke("batch", "x.csv", "--format", "methods").status == 2

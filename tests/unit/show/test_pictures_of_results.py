@@ -22,12 +22,12 @@ from scipy.stats import chi2
 from tgospa_eval import ConfigError, Result, Trajectories, evaluate, plots
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common.words import install
-from tgospa_eval.show import figure_tools, plane, plot_data
+from tgospa_eval.show import draw_plane, figure_tools, plot_data
 from tgospa_eval.show import style as palette
-from tgospa_eval.show.charts import Pictures
+from tgospa_eval.show.chart_list import Pictures
+from tgospa_eval.show.draw_over_time import draw_lanes
 from tgospa_eval.show.figure_tools import literal, power, written
 from tgospa_eval.show.files import result_pictures
-from tgospa_eval.show.overtime import draw_lanes
 from tgospa_eval.show.plot_data import binned
 from tgospa_eval.show.style import FILES, styled
 from tgospa_eval.show.time_axis import nice
@@ -311,7 +311,7 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_events_that_are_near_to_each_other_share_a_mark(monkeypatch: pytest.MonkeyPatch) -> None:
     result = crowd(steps=120, truths=20)
     apart = plot_plane(result)
-    monkeypatch.setattr(plane, "GROUPED", 100)
+    monkeypatch.setattr(draw_plane, "GROUPED", 100)
     made = plot_plane(result)
     marks = {name: artist(made, name) for name in ("missed", "false")}
     assert len(marks["false"].get_offsets()) == 1  # all clutter is at one place
@@ -717,7 +717,7 @@ def test_who_wants_no_pictures_does_not_pay(
         "for more in ([], ['-o', 'out', '--pictures', 'none']):\n"
         "    try: main([*sys.argv[1:], '-q', *more])\n"
         "    except SystemExit as end: assert not end.code\n"
-        "    assert not [m for m in sys.modules if 'plotlib' in m or '.show.plane' in m]\n"
+        "    assert not [m for m in sys.modules if 'plotlib' in m or '.show.draw_plane' in m]\n"
     )
     subprocess.run(
         [sys.executable, "-c", code, *quickstart, "-c", "10", "-g", "5"],

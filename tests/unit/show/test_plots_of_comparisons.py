@@ -6,7 +6,7 @@ pytest.importorskip("matplotlib")
 
 import itertools
 
-from tgospa_eval.show.charts import CHARTS, Pictures, pictures
+from tgospa_eval.show.chart_list import CHARTS, Pictures, pictures
 from tgospa_eval.show.several import FLOOR
 from tgospa_eval.show.style import STYLES, styled
 

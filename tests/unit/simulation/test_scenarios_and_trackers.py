@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checkout import ROOT
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -56,7 +57,7 @@ def test_members_are_offered_and_documented() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(targets=st.integers(0, 8), steps=st.integers(1, 50), seed=SEEDS)
 def test_scenes_stay_in_their_square(name: str, targets: int, steps: int, seed: int) -> None:
     states = SCENARIOS[name](targets, steps, 50.0, rng(seed))

@@ -1,19 +1,16 @@
 """Settings of the literature: what is drawn has the moments that the source says."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Run
 
 from tgospa_eval import Trajectories
 from tgospa_eval.cli import simulate
 from tgospa_eval.simulation.settings import PUBLISHED, run_setting
-
-Run = Callable[..., Any]
 
 
 def test_the_names_are_those_of_the_options() -> None:

@@ -121,7 +121,7 @@ def test_windows_leave_out_what_is_allowed() -> None:
 @compiled_only
 def test_bounds_keep_their_digits_over_many_steps() -> None:
     """Width of a bracket at optimal prices: rounding, however long the recording is."""
-    steps = 60_000
+    steps = 20_000
     rng = np.random.default_rng(0)
     truth = np.zeros((steps, 2, 1)) + np.array([0.0, 3.0])[:, None]
     estimate = truth + rng.normal(0, 0.5, truth.shape)
@@ -156,7 +156,7 @@ def test_exact_does_not_begin_what_it_cannot_stop(monkeypatch: pytest.MonkeyPatc
 
 
 def test_without_kernels_large_programmes_begin_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    truth, estimate = scene(2, 20, 20, 50, side=14.0, noise=1.0)
+    truth, estimate = scene(2, 14, 14, 35, side=10.0, noise=1.0)
     expected = evaluate(truth, estimate, 5.0, 2, 2.0)
     without_kernels(monkeypatch)
     monkeypatch.setattr(certified_module, "kernels", None)

@@ -1,11 +1,12 @@
 """Stamps that become one step, steps that count, and the warnings about clocks."""
 
 import json
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
+from examples import seeds
 from hypothesis import given
 from hypothesis import strategies as st
 from runs import warnings_of
@@ -18,9 +19,6 @@ from tgospa_eval.evaluation.diagnosis import alignment_notices
 from tgospa_eval.evaluation.diagnosis.costs import StepRows, step_costs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 EUCLIDEAN = DISTANCES["euclidean"]
 
@@ -124,7 +122,7 @@ def shift_of(truth: np.ndarray, estimate: np.ndarray, cutoff: float = 3.0) -> st
     return next((notice.text for notice in found if notice.code == "clock-shift"), None)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(10, 30))
 def test_no_warning_about_good_data(seed: int) -> None:
     rng = np.random.default_rng(seed)
     truth, estimate = scene(

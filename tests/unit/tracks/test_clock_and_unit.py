@@ -2,7 +2,6 @@
 
 import json
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answer import Run, Write
 
 from tgospa_eval import (
     ConfigError,
@@ -22,9 +22,6 @@ from tgospa_eval import (
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.interpolation import interpolated
-
-Run = Callable[..., Any]
-Write = Callable[[str, str], str]
 
 METRIC = ("-c", "5", "-g", "2")
 SAME = ("tgospa", "lower_bound", "per_step", "switches", "counts")

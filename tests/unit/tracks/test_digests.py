@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from answer import Invoke, Write
 
 from tgospa_eval import ConfigError, SolverError, Trajectories, compare, evaluate, gate
 from tgospa_eval.campaign.row import same_data
@@ -17,8 +18,6 @@ from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.coverage import NOT_COUNTED, digest, marked
 
 Change = Callable[[Trajectories], Trajectories]
-Write = Callable[..., str]
-Invoke = Callable[..., Any]
 
 POINTS = Trajectories(
     step=np.array([0, 0, 1, 2]),
@@ -184,7 +183,7 @@ def test_compare_and_gate_do_not_take_marks_of_estimates(
     own = ("--ignore", "marked-estimates")
     answer = invoke("compare", *sides, *METRIC, *own)
     assert answer.status == 2
-    assert "compare does not take marks of estimates, for a tracker would say itself" in answer.err
+    assert "compare does not take marks of estimates, as a tracker would choose" in answer.err
     assert len(answer.err.splitlines()) == 1
     for name, path in zip("ab", sides[1:], strict=True):
         assert invoke(sides[0], path, *METRIC, *own, "-o", name, "--pictures", "none").status == 0

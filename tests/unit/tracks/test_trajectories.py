@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_trajectories
-from tgospa_eval.text import COMMAND, PYTHON, READER, option, spelled_for
+from tgospa_eval.quoting import COMMAND, PYTHON, READER, option, spelled_for
 
 
 @pytest.mark.parametrize("shape", [(4, 3, 1), (4, 3, 2), (2, 5, 4), (0, 3, 2), (3, 0, 2)])

@@ -16,11 +16,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.quoting import COMMAND, clipped, option, surface
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import EVALUATED_ON, NEES_RECORD, PARAMETERS, contradiction, unlike
 from tgospa_eval.results.summary import SUMMARY, names_summary
-from tgospa_eval.text import COMMAND, clipped, option, surface
 from tgospa_eval.tracks.coverage import (
     COVERAGE_FIELDS,
     coverage_of,

@@ -39,11 +39,11 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.results.summary import names_summary
-from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
 """Smallest number of runs for a test."""

@@ -7,7 +7,7 @@ from functools import partial
 
 from tgospa_eval.common.config import SettingsFile, Values, setting
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.text import clipped
+from tgospa_eval.quoting import clipped
 
 _stored = partial(setting, "Gate", trusted=False)
 _gate = partial(setting, "Gate", stored=False)

@@ -37,10 +37,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
+from tgospa_eval.quoting import option
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.results.summary import names_summary
-from tgospa_eval.text import option
 from tgospa_eval.tracks.coverage import incomparable
 
 WORST_FIRST = tuple(
@@ -407,7 +407,7 @@ def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
         if abs(values[path].upper - old[path]) > values[path].tolerance
     ]
     if moved:
-        yield f"split, not proven: {', '.join(moved)}"
+        yield f"parts of the cost, not proven: {', '.join(moved)}"
 
 
 def of_its_runs(

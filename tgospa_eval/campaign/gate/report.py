@@ -14,9 +14,9 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.quoting import clipped, ending, listed, option, visible
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.show import rendering
-from tgospa_eval.text import clipped, ending, listed, option, visible
+from tgospa_eval.show import table_text
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -86,7 +86,7 @@ def rows_of(
             yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
 
 
-def table(report: Report, width: int = rendering.WIDTH) -> str:
+def table(report: Report, width: int = table_text.WIDTH) -> str:
     """Return the rules of all pairs, then notes; many passing rules are folded."""
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
@@ -100,7 +100,7 @@ def table(report: Report, width: int = rendering.WIDTH) -> str:
     titles = {id(one): visible(title(one)) for one in report.outcomes}
     short = dict(zip(titles.values(), shortened([*titles.values()], names - 1), strict=False))
     widths = (max([WIDTHS[0], *(len(text) + 1 for text in short.values())]), rules, *WIDTHS[2:])
-    rows: list[rendering.Row] = []
+    rows: list[table_text.Row] = []
     above = None
     for outcome, rule, values, verdict, proven in shown:
         pair = "" if outcome is above else short[titles[id(outcome)]]
@@ -109,8 +109,8 @@ def table(report: Report, width: int = rendering.WIDTH) -> str:
         rows.append((pair, text, *numbers_of, *([f" {verdict}"] if rule and not updated else [])))
         above = outcome
     head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
-    lines = rendering.text_lines(
-        rendering.Table(head=head, rows=rows, align="llrrrl", widths=widths), ""
+    lines = table_text.text_lines(
+        table_text.Table(head=head, rows=rows, align="llrrrl", widths=widths), ""
     )
     if len(all_rows) > len(shown):
         lines.append(f"... and {len(all_rows) - len(shown)} {'values' if updated else 'that pass'}")
@@ -281,37 +281,38 @@ def github_lines(report: Report) -> Iterator[str]:
     bad, quiet = (
         [one for one in report.outcomes if bool(one.status) is is_bad] for is_bad in (True, False)
     )
-    rows: dict[bool | None, list[rendering.Row]] = {True: [], None: [], False: []}
+    rows: dict[bool | None, list[table_text.Row]] = {True: [], None: [], False: []}
     for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first):
         passes = verdict in QUIET
         about = verdict if rule and passes else f"**{verdict}**"
         about += "" if proven else ", split, not proven"
         numbers = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
-        text = rendering.markdown_code(rule) if rule else None
+        text = table_text.markdown_code(rule) if rule else None
         end = [] if updated else [change(values), about]
         fails = None if verdict not in (*FIRST, Verdict.PASS) else not passes
-        rows[fails].append((rendering.markdown_code(title(outcome)), text, *numbers, *end))
+        rows[fails].append((table_text.markdown_code(title(outcome)), text, *numbers, *end))
     head = ("value", "old", "new") if updated else ("rule", *LIMITS, "change", "verdict")
     align = "llrr" if updated else "llrrrrl"
     fold, later = len(rows[False]) > FOLDED, len(rows[None]) > MANY_ROWS
     first = rows[True] + ([] if later else rows[None]) + ([] if fold else rows[False])
 
-    def lines_of(rows: Sequence[rendering.Row]) -> list[str]:
-        return rendering.markdown_lines(
-            rendering.Table(head=("pair", *head), rows=rows, align=align), escape=str
+    def lines_of(rows: Sequence[table_text.Row]) -> list[str]:
+        return table_text.markdown_lines(
+            table_text.Table(head=("pair", *head), rows=rows, align=align), escape=str
         )
 
     yield from (*lines_of(first), "") if first else ()
     for some in (bad, quiet):
         for outcome in some:
             for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
-                yield f"- {rendering.markdown_code(title(outcome))}: {rendering.markdown(note)}"
-        yield from (f"- {rendering.markdown(text)}" for text in notes_of(some))
+                yield f"- {table_text.markdown_code(title(outcome))}: {table_text.markdown(note)}"
+        yield from (f"- {table_text.markdown(text)}" for text in notes_of(some))
         for outcome in some:
             for warning in map(str, outcome.warnings):
-                yield f"- {rendering.markdown_code(title(outcome))}: {rendering.markdown(warning)}"
+                name = table_text.markdown_code(title(outcome))
+                yield f"- {name}: {table_text.markdown(warning)}"
         if some is bad:
-            yield from (f"- {rendering.markdown(text)}" for text in report.messages())
+            yield from (f"- {table_text.markdown(text)}" for text in report.messages())
             yield from advice_lines(report)
             yield from ("", *lines_of(rows[None]), "") if later else ()
     if fold:
@@ -324,7 +325,7 @@ def advice_lines(report: Report) -> list[str]:
     if not report.advice:
         return []
     return [
-        f"\n{rendering.markdown(accept_title(report))}: {rendering.markdown_code(report.advice)}",
+        f"\n{table_text.markdown(accept_title(report))}: {table_text.markdown_code(report.advice)}",
         "",
     ]
 
@@ -400,8 +401,8 @@ def _command(kind: str, heading: str, text: str) -> str:
     message = "\n".join(map(visible, text.split("\n")))
     if len(message) > LONGEST:
         message = message[: LONGEST - 3] + "..."
-    heading = rendering.workflow_property(clipped(heading, LONGEST))
-    return f"::{kind} title={heading}::{rendering.workflow_data(message)}"
+    heading = table_text.workflow_property(clipped(heading, LONGEST))
+    return f"::{kind} title={heading}::{table_text.workflow_data(message)}"
 
 
 def append_summary(report: Report, path: str | None) -> None:
@@ -526,16 +527,16 @@ def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:
 
 def _result(kind: str, verdict: str, text: str, message: str = "") -> str:
     about = {"type": verdict, "message": message or text.partition("\n")[0]}
-    return f"<{kind}{_attributes(about)}>{rendering.xml(text)}</{kind}>"
+    return f"<{kind}{_attributes(about)}>{table_text.xml(text)}</{kind}>"
 
 
 def _output(lines: Iterable[str]) -> str:
     text = "\n".join(lines)
-    return f"<system-out>{rendering.xml(text)}</system-out>" if text else ""
+    return f"<system-out>{table_text.xml(text)}</system-out>" if text else ""
 
 
 def _attributes(values: dict[str, str]) -> str:
-    return "".join(f' {name}="{rendering.xml(value)}"' for name, value in values.items())
+    return "".join(f' {name}="{table_text.xml(value)}"' for name, value in values.items())
 
 
 # -------------------------------------------------------------------------------------------------

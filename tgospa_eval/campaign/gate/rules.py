@@ -9,10 +9,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import NUMBERS, SUMMARY, names_summary
-from tgospa_eval.text import option, quoted
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""

@@ -17,7 +17,7 @@ from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.quoting import listed, quoted
 
 # -------------------------------------------------------------------------------------------------
 # Files of the target branch: of a git revision, or of a folder beside the working tree.

@@ -22,17 +22,17 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.show.charts import pictures
+from tgospa_eval.show.chart_list import pictures
 from tgospa_eval.show.comparison import page, pairs_columns, render, study_report
 from tgospa_eval.show.files import COMPARISON, STUDY, Files
 from tgospa_eval.show.html import document_page
-from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.table_text import csv_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import default_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
-from tgospa_eval.text import quoted
 
 Number = TypeVar("Number", int, float)
 

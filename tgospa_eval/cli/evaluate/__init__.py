@@ -158,15 +158,17 @@ def _check(
         raise click.UsageError(f"--proof is not supported with {option}: leave one of them out")
     shares = chosen.tracked_shares != DEFAULTS["tracked_shares"]
     of_one = {
-        "--format methods is for one evaluation": output.format_ == "methods",
-        "--slice is for one evaluation": chosen.slices,
-        "--with is for one evaluation": chosen.with_ is not None,
-        "--similarity scores the plain mean over steps": chosen.similarity is not None,
-        "--tracked-shares is for one evaluation": shares,
-        "--explain is for one evaluation": chosen.explain,
+        "format methods": output.format_ == "methods",
+        "slice": chosen.slices,
+        "with": chosen.with_ is not None,
+        "similarity": chosen.similarity is not None,
+        "tracked-shares": shares,
+        "explain": chosen.explain,
     }
-    for text in (text for text, is_given in of_one.items() if sweep and is_given):
-        raise click.UsageError(f"{text}, not for --sweep")
+    for name in (name for name, is_given in of_one.items() if sweep and is_given):
+        raise click.UsageError(
+            f"--{name} is not supported with --sweep: leave one of the two options out"
+        )
     if chosen.explain and chosen.by:
         raise click.UsageError(
             "--explain evaluates all classes together, not --by class; choose one class by "

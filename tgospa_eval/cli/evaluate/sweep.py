@@ -15,15 +15,15 @@ from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.writing import can_draw, probed, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.show.charts import pictures
+from tgospa_eval.quoting import quoted
+from tgospa_eval.show.chart_list import pictures
 from tgospa_eval.show.comparison import sweep_document
 from tgospa_eval.show.files import SWEEP, Files
 from tgospa_eval.show.html import document_page
-from tgospa_eval.show.rendering import csv_text
-from tgospa_eval.text import quoted
+from tgospa_eval.show.table_text import csv_text
 
 if TYPE_CHECKING:
-    from tgospa_eval.show.charts import Pictures
+    from tgospa_eval.show.chart_list import Pictures
 
 SWEPT = {
     "c": "cutoff",

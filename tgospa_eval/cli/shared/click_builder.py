@@ -104,8 +104,8 @@ REDUCTION = tuple(
 
 CONFIG_FILE = Option(
     "--config FILE",
-    "Read settings from a TOML file, by the names of these options. One that is only found sets "
-    "what is evaluated, and nothing else.",
+    "Read settings from a TOML file, by the names of these options. A file that is found in the "
+    "folder, without this option, can set only what is evaluated.",
     section="General",
     is_eager=True,
     callback=load_config,

@@ -15,7 +15,7 @@ from tgospa_eval.cli.verbs import CONFIG, SECTION, VERBS, load
 from tgospa_eval.common import config
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.registry import Registry
-from tgospa_eval.text import clipped, listed, visible
+from tgospa_eval.quoting import clipped, listed, visible
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from tgospa_eval.cli.shared.streams import handles_interrupts, on_interrupt, print_notice
 from tgospa_eval.common.progress import BackgroundTask, Progress, Stopwatch
-from tgospa_eval.text import visible
+from tgospa_eval.quoting import visible
 
 T = TypeVar("T")
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import visible, visible_lines
+from tgospa_eval.quoting import visible, visible_lines
 
 if TYPE_CHECKING:
     from tgospa_eval.common.notices import Notice

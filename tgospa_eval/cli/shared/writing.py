@@ -26,7 +26,7 @@ from tgospa_eval.show.files import (
 )
 
 if TYPE_CHECKING:
-    from tgospa_eval.show.charts import Pictures
+    from tgospa_eval.show.chart_list import Pictures
 
 
 def write_output(
@@ -138,7 +138,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """
     if output.pictures == "none":
         return None
-    from tgospa_eval.show.charts import Pictures  # lazy: for pictures only
+    from tgospa_eval.show.chart_list import Pictures  # lazy: for pictures only
 
     given = (output.pictures, output.components, output.plane)
     formats, components, columns = (

@@ -1,10 +1,10 @@
 """Warnings about two sides before anything is solved: clocks, units, axes. Prints nothing.
 
-A warning changes no number. It is raised only where undoing the fault would at least halve the
-per-step GOSPA cost, of a clock without what is missed or false either way, where what is near is so
-by chance, or where a side cannot mean what it seems to.
+A warning changes no number. It is raised in three cases. Undoing the fault would at least halve the
+per-step GOSPA cost (for clocks, the cost without objects that are missed or false either way). Or
+pairs are near only by chance. Or a side has values that cannot be intended.
 
-`default_notice` says whether default parameters suit the data.
+`default_notice` states whether default parameters suit the data.
 """
 
 import itertools
@@ -27,7 +27,7 @@ from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warning
 from tgospa_eval.formats.headers import METRES
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -48,12 +48,12 @@ def diagnose(
     sides : AlignedPair
         Truth and estimate.
     request : EvaluationRequest
-        What is asked of them.
+        Request for these sides.
     sound : bool
-        Whether it is known that nothing is wrong with clocks and states.
+        Whether clocks and states are known to be without faults.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.reports is not None:  # reports are compared, at their stamps
+    if aligned.reports is not None:  # reports are compared at their timestamps
         for (truth, reports), _ in itertools.islice(aligned.reports.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
@@ -72,7 +72,7 @@ def diagnose(
 
 
 def in_other_axes(notice: Notice, crs: str) -> Notice:
-    """Return a warning about exchanged axes, with the name of the axes that undoes it."""
+    """Return a warning about exchanged axes, with the axes that undo the exchange as remedy."""
     name, turned = crs[:3], crs[3:]
     if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem ex"):
         return notice
@@ -83,7 +83,7 @@ def in_other_axes(notice: Notice, crs: str) -> Notice:
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
-    """Yield notices about the steps of sides: interpolated states, and what was not used."""
+    """Yield notices about the steps of sides: interpolated states, and states that are not used."""
     if axis.made is not None:
         side, (between, own, unused) = axis.made
         gap = matching.gaps[0]
@@ -121,7 +121,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
 
 
 def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
-    """Warn of declared steps that leave out one before or after, and have none at the other end."""
+    """Warn of declared steps that leave out rows at one end and have no row at the other end."""
     if matching.steps is None or not any(sides.axis.left_out):
         return []
     ticks = sides.axis.horizon.times
@@ -147,14 +147,14 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
 
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
-    """Warn where the estimate has no stamps: how long, and what it costs."""
+    """Warn of stretches without estimates, with their length and cost."""
     outages = axis.outages
     if outages is None:
         return []
     total, longest = float(outages.lengths.sum()), float(outages.lengths.max())
     longest_of = f", the longest {number(longest, 4)}" if len(outages.lengths) > 1 else ""
     text = (
-        f"the estimate has no state within c of a truth for {number(total, 4)} in "
+        f"the estimate has no state within c of a true object for {number(total, 4)} in "
         f"{counted(len(outages.lengths), 'silence')}{longest_of}"
     )
     states = f"{counted(outages.states, 'state')} of the truth"
@@ -189,13 +189,13 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
-        f"{matching.gaps[0].text}, {number(float(lengths.sum()), 4)} in all, of {ids}"
+        f"{matching.gaps[0].text}, together {number(float(lengths.sum()), 4)} long, of id {ids}"
     )
     if not states:
         return [Notice(text=text)]
     if request.ignoring is not None and request.ignoring.gaps:
         near = f"{counted(states, 'estimate state')} near the straight line across"
-        return [Notice(text=f"{text}: {option('ignore', 'truth-gaps')}, {near} cost nothing")]
+        return [Notice(text=f"{text}; by {option('ignore', 'truth-gaps')} {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
@@ -203,13 +203,13 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
             text=f"{text}: {counted(states, 'estimate state')} near the straight line across "
             f"count as false, cost up to {number(cost)}",
             remedy=f"{option('ignore', 'truth-gaps')} leaves them out; use a longer "
-            f"{option('max_gap')} if the truth moves straight in them",
+            f"{option('max_gap')} if the objects move in straight lines there",
         )
     ]
 
 
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
-    """Describe the alignment of two sides: common steps, stamps that were joined, rows left out."""
+    """Describe the alignment of two sides: common steps, joined timestamps, rows left out."""
     rest = aligned.union - aligned.common
     at = "objects at the other step count as missed or false"
     if rest > 1:
@@ -236,32 +236,32 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
 
 
 MULTIPLE = 3
-"""Factor of the median error: of normal errors in a plane 99.8 % are below that."""
+"""Factor of the median error; 99.8 % of normal errors in a plane are below the product."""
 
 FOLLOWED = 0.75
-"""Share of truths that must have an estimate so near, for the median to be that of errors."""
+"""Smallest share of true states near an estimate with which the median is that of errors."""
 
 LARGEST_MEDIAN = 1e300
-"""Largest median of which multiples are still numbers."""
+"""Largest median with multiples that are still finite."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
-"""Leading digits of what is suggested."""
+"""Leading digits of suggested cutoffs."""
 
 
 def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | None:
-    """Suggest a cutoff and give the reason; None where errors cannot be told from misses.
+    """Suggest a cutoff with its reason; None if errors and misses cannot be distinguished.
 
     Parameters
     ----------
     near : (N,) float array
-        From truths to the nearest estimate of their step.
+        Distance of each true state to the nearest estimate of its step.
     next_truths : (N,) float array
-        From these truths to the nearest other truth, inf where there is none.
+        Distance of each of these states to the nearest other object, inf without one.
     """
     if not len(near):
         return None
     middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
-    # An estimate of a truth is nearer to it than to the next truth.
+    # An estimate of an object is nearer to it than to the next object.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
     cutoff = _rounded_up(MULTIPLE * middle)
@@ -274,7 +274,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     )
     crowded = float(np.count_nonzero(next_truths < cutoff) / len(near))
     if crowded >= 0.005:
-        reason += f", and {100 * crowded:.0f} % another truth"
+        reason += f", and {100 * crowded:.0f} % another true object"
     return cutoff, reason
 
 
@@ -289,17 +289,17 @@ def _rounded_up(value: float) -> float:
 # Distances to the nearest points, by a compiled loop where the distance is plain.
 
 SAMPLED_STEPS = 100
-"""Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
+"""Numbers of steps, and of true states of a step, whose nearest estimate a notice uses."""
 
 PAIRS_AT_ONCE = 1 << 13
-"""Pairs whose distances are computed together: they stay in the cache."""
+"""Number of pairs whose distances are computed together, and stay in the cache."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
-    """Return the median distance from a truth to the nearest estimate, over up to 100 steps.
+    """Return the median distance from a true state to the nearest estimate, over up to 100 steps.
 
-    None if no step has both. Both sides must be on the same times.
+    The result is None if no step has both. Both sides must be at the same times.
     """
     distance = distance.lower_bound
     sides = truth, estimate
@@ -339,9 +339,9 @@ def default_notice(
     is_explained: bool = False,
     boxes: bool = False,
 ) -> Notice:
-    """Describe the defaults in use in one line, with the scale of the data beside it.
+    """Describe the used defaults in one line, together with the scale of the data.
 
-    It is a warning where the default cutoff is below the median distance to the nearest estimate.
+    The notice is a warning if the default cutoff is below the median distance to an estimate.
 
     Parameters
     ----------
@@ -350,9 +350,9 @@ def default_notice(
     distance : Distance
         Base distance.
     parameters : Parameters
-        In use.
+        Parameters in use.
     defaults : sequence of str
-        Which of cutoff and switch_penalty nobody chose.
+        Names of cutoff and switch_penalty that have their default value.
     is_explained : bool
         Whether another warning explains the distances.
     boxes : bool

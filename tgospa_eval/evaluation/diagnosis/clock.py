@@ -1,16 +1,16 @@
-"""Warnings about the times of two sides: stamps that miss each other, other clocks, other units.
+"""Warnings about times of two sides: timestamps that miss each other, other clocks, other units.
 
-They cost little beside an evaluation of sound data: they look at the stamps and at some steps that
-are sampled evenly. Only where these do not fit is the offset of the clock searched for.
+They cost little compared to an evaluation of sound data, because they examine the timestamps and
+some steps at even spacing. The offset of the clock is searched only if these do not fit.
 
-The clock of the estimate is off by the shift of its stamps that fits the truth best,
+The clock of the estimate is off by the shift of its timestamps that fits the truth best,
 
     G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
 
-with the truth on straight lines between its states. Pairs that are near, whatever their times, say
-which shifts are worth a look; G makes these finer. A shift is named only if all others that are
-as well covered fit worse, by more than what differs from one stretch of the recording to the next
-explains: targets at rest, or on a circle, name none.
+with the truth on straight lines between its states. Pairs near each other at any times give
+candidates, which G refines. A shift is reported only if all other shifts with similar coverage fit
+worse, by more than the variation between stretches of the recording explains. So targets at rest,
+or on a circle, lead to no report.
 """
 
 import math
@@ -38,7 +38,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.text import option
+from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.interpolation import interpolated, on_lines
@@ -52,41 +52,41 @@ if TYPE_CHECKING:
 
 
 SAME = 0.01
-"""Share of the time between moments of the truth: closer times count as one of them."""
+"""Share of the time between samples of the truth below which times count as equal."""
 
 TIMELINE = 300_000
-"""States and moments of the truth that are looked at, those on lines included."""
+"""Largest number of states and sampled times of the truth, including interpolated states."""
 
 SEGMENTS = 2_000
-"""Pairs of consecutive states of a truth of which the usual speed is taken."""
+"""Number of pairs of consecutive states of the truth for typical speed and time."""
 
 ACROSS = 5.0
-"""Times the usual time between two states of a truth, across which it is taken to go on."""
+"""Multiple of the typical time between two states across which a track continues."""
 
 FINER = 16
-"""Parts into which that time is divided at most, for targets that move far in it."""
+"""Largest number of parts of this typical time, for targets that move far in it."""
 
 
 class Timeline:
-    """Truths at any moment, on straight lines between their states.
+    """True states at any time, on straight lines between sampled states.
 
     Parameters
     ----------
     side : Trajectories
-        States at some moments.
+        States at the sampled times.
     timestamps : (Q,) float array
-        Those, increasing.
+        Sampled times, increasing.
     longest : float
-        Time between two moments across which tracks go on.
+        Longest time between two samples across which tracks continue.
     periods : dict of str to float
-        Of columns that wrap around.
+        Periods of columns that wrap around.
     """
 
     def __init__(
         self, side: Trajectories, timestamps: Floats, longest: float, periods: dict[str, float]
     ) -> None:
         self.side, self.timestamps, self.periods = side, timestamps, periods
-        order = np.argsort(side.track, kind="stable")  # rows are in the order of time
+        order = np.argsort(side.track, kind="stable")  # rows are sorted by time
         track, step = side.track[order], side.step[order]
         goes_on = (track[1:] == track[:-1]) & (step[1:] == step[:-1] + 1)
         goes_on &= timestamps[step[1:]] - timestamps[step[:-1]] <= longest
@@ -96,16 +96,18 @@ class Timeline:
 
     @classmethod
     def of(cls, truth: Trajectories, own: Floats, cutoff: float, distance: Distance) -> "Timeline":
-        """Sample truths at regular times, so close that few move far between; none if none moves.
+        """Sample the truth at regular times, so close that few states move far between two.
+
+        There are no samples without typical motion.
 
         Parameters
         ----------
         truth : Trajectories
-            Points.
+            Truth as points.
         own : (T,) float array
-            Its stamps.
+            Timestamps of the truth.
         cutoff : float
-            What is far.
+            Distance that counts as far.
         distance : Distance
             Base distance.
         """
@@ -131,7 +133,7 @@ class Timeline:
         return cls(at_times, timestamps, ACROSS * time, periods)
 
     def at(self, wanted: Floats) -> StepRows:
-        """Return the states at some times, of which there are at least two."""
+        """Return the states at some times; at least two times must be sampled."""
         k = np.searchsorted(self.timestamps, wanted, side="right") - 1
         k = k.clip(0, len(self.timestamps) - 2)
         share = (wanted - self.timestamps[k]) / (self.timestamps[k + 1] - self.timestamps[k])
@@ -149,12 +151,12 @@ class Timeline:
 
     @property
     def spacing(self) -> float:
-        """Time between the first two moments."""
+        """Time between the first two samples."""
         return float(self.timestamps[1] - self.timestamps[0])
 
 
 def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float, float]:
-    """Return the median time between two states of a truth, and median speed."""
+    """Return the median time between two states of an object, and the median speed."""
     order = np.argsort(truth.track, kind="stable")
     row = places_of(np.diff(truth.track[order]) == 0)
     row = row[:: -(-len(row) // SEGMENTS) or 1]
@@ -166,43 +168,43 @@ def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tup
 
 
 SAMPLED, SAMPLED_TIMES = 600, 300
-"""Rows of the estimate that are looked at, and steps, at most."""
+"""Largest numbers of examined rows of the estimate, and of examined steps."""
 
 PAIRS = 1_000_000
-"""Near pairs that are looked at."""
+"""Number of examined near pairs."""
 
 CANDIDATES = 32
-"""Shifts that are worth a look."""
+"""Largest number of candidate shifts."""
 
 PROMISING = 0.4
-"""Share of the largest gain from which on a shift is made finer."""
+"""Share of the largest gain from which a shift is refined."""
 
 HALVINGS = 7
-"""Halvings of the time between moments, to the finest difference of shifts."""
+"""Halvings of the time between samples, down to the smallest difference of shifts."""
 
 DOUBLINGS = 5
-"""Doublings of that time, to the largest difference of shifts compared around the best one."""
+"""Doublings of this time, up to the largest difference of shifts compared around the best."""
 
 STRETCHES = 20
-"""Stretches of the recording whose gains are compared."""
+"""Number of stretches of the recording whose gains are compared."""
 
 SIGNIFICANT = 4.0
-"""Standard errors by which any other shift must be worse."""
+"""Number of standard errors by which any other shift must be worse."""
 
 LOCAL = 6.0
-"""Times the uncertainty: a rival that is farther away is another maximum, and nothing is named."""
+"""Multiple of the uncertainty beyond which a rival is another maximum, so nothing is reported."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Shares of the steps within the truth, and of the gain there, that make another shift a rival."""
+"""Shares of the steps within the truth, and of their gain, that make another shift a rival."""
 
 ROBUST = 16.0
-"""Times the median of (d / c)^p of pairs: those farther apart say little of small shifts."""
+"""Multiple of the median (d / c)^p beyond which pairs say little about small shifts."""
 
 MIN_ERROR = 1 / 400
-"""Smallest (d / c)^p: smaller errors count as this."""
+"""Smallest (d / c)^p that counts; smaller errors are raised to it."""
 
 ENOUGH_NEAR = 1 / 3
-"""Share of the pairs that there could be, that must be near."""
+"""Share of the possible pairs that must be near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,13 +214,13 @@ class Fit:
     Parameters
     ----------
     shift : float
-        What is added to the stamps of the estimate.
+        Time that is added to the timestamps of the estimate.
     costs : StepCosts
-        Of the truths at these moments, and the estimates.
+        Costs of the true states at these times, and of the estimates.
     inside : (S,) bool array, optional
-        Steps that are then within the recording of the truth; all by default.
+        Steps that are within the recording of the truth after the shift; all by default.
     sharp : float
-        >= 1, what (d / c)^p is multiplied by, as if the cutoff were smaller.
+        Factor of (d / c)^p, at least 1, which acts like a smaller cutoff.
     """
 
     shift: float
@@ -228,7 +230,7 @@ class Fit:
 
     @cached_property
     def gain(self) -> Floats:
-        """Amount that pairs save at each step, in units of c^p (S,)."""
+        """Saving of the pairs at each step, in units of c^p (S,)."""
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
         saved = np.bincount(step, gain, minlength=self.costs.steps)
@@ -236,7 +238,7 @@ class Fit:
 
     @property
     def sharpest(self) -> float:
-        """`sharpest` of its pairs."""
+        """`sharpest` of the pairs."""
         return sharpest(self.costs.lost)
 
     @cached_property
@@ -246,12 +248,12 @@ class Fit:
 
     @cached_property
     def pairs(self) -> Ints:
-        """Pairs of each step (S,)."""
+        """Number of pairs of each step (S,)."""
         return np.bincount(self.costs.step[self.costs.taken], minlength=self.costs.steps)
 
     @property
     def is_close(self) -> bool:
-        """True if a good part of the possible pairs is near."""
+        """True if a large share of the possible pairs is near."""
         possible = self.costs.possible
         steps = np.count_nonzero(self.pairs)
         return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * possible) and bool(
@@ -259,13 +261,13 @@ class Fit:
         )
 
     def better(self, other: "Fit") -> float:
-        """Return by how many standard errors it fits better than another one."""
+        """Return the number of standard errors by which this fit is better than another one."""
         return significance(self.gain - other.gain)
 
     def excels(self, other: "Fit") -> bool:
-        """Return whether another one is no rival: it fits worse where both are within the truth.
+        """Return whether this fit is better than another one where both are within the truth.
 
-        Neither is one that has too few of these steps, or far less gain there.
+        It also is if the other fit has too few of these steps, or a far smaller gain there.
         """
         both = self.inside & other.inside
         if (
@@ -277,26 +279,26 @@ class Fit:
 
 
 STARTS, ROUNDS = 6, 6
-"""Shifts from which a displacement is looked for, and rounds of least squares."""
+"""Number of shifts from which a displacement is searched, and rounds of least squares."""
 
 OUTLIERS = 4.0
-"""Times the median error, beyond which a pair is not used."""
+"""Multiple of the median error beyond which a pair is not used."""
 
 VARIED = 0.02
-"""Share of the squared speeds that their differences must have."""
+"""Share of the squared speeds that is the smallest usable variation of velocities."""
 
 SURE = 3.0
-"""Standard errors of a displacement that is one."""
+"""Standard errors by which a displacement must differ from 0."""
 
 
 def sharpest(lost: Floats) -> float:
-    """Return the sharpness that keeps a gain for pairs at typical distances: see `Fit.sharp`."""
+    """Return the sharpness with which pairs at typical distances keep a gain (see `Fit.sharp`)."""
     typical = median(lost) if len(lost) else 1.0
     return 1 / min(max(ROBUST * typical, MIN_ERROR), 1.0)
 
 
 def significance(values: Floats) -> float:
-    """Sum over steps, in standard errors that the sums of stretches tell."""
+    """Return the sum over steps, in standard errors estimated from sums of stretches."""
     count = min(STRETCHES, len(values))
     if not count:
         return 0.0
@@ -316,7 +318,7 @@ class Search:
     sides : pair of Trajectories
         Truth and estimate as read.
     timestamps : pair of (T,) float arrays
-        Their stamps on one clock, as far as that is known.
+        Timestamps of both on one clock, as far as it is known.
     parameters : Parameters
         Cutoff and order.
     distance : Distance
@@ -346,7 +348,7 @@ class Search:
 
     @property
     def is_possible(self) -> bool:
-        """True if there are enough data."""
+        """True if the amount of data is sufficient."""
         return (
             len(self.steps) >= FEWEST_STEPS
             and all(bool(np.isfinite(own).all()) for own in self.timestamps)
@@ -359,7 +361,7 @@ class Search:
         return Timeline.of(self.truth, self.timestamps[0], self.parameters.cutoff, self.distance)
 
     def fit(self, shift: float, sharp: float = 1.0) -> Fit:
-        """Return the fit of a shift, with another cutoff than that of the evaluation if need be."""
+        """Return the fit of a shift; `sharp` acts like a smaller cutoff."""
         if (fitted := self._fits.get((shift, sharp))) is None:
             if sharp != 1:
                 fitted = replace(self.fit(shift), sharp=sharp)
@@ -381,17 +383,17 @@ class Search:
         Parameters
         ----------
         shifts : iterable of float
-            Shifts that are worth a look anyway.
+            Additional candidates.
         here : Search, optional
-            One whose shift by 0 is how things are, where that is on another clock.
+            Search whose fit without a shift is the present state, if that is on another clock.
 
         Returns
         -------
         shift, uncertainty : float
-            What is added to the stamps of the estimate, and two standard errors of that.
+            Time that is added to the timestamps of the estimate, and two of its standard errors.
         saving : float
-            Share of the per-step GOSPA cost that goes away, without what is missed or false either
-            way.
+            Share of the per-step GOSPA cost that the shift removes, without objects that are missed
+            or false either way.
         """
         tried = [self.fit(shift) for shift in (0.0, *shifts, *self._candidates())]
         moved = self._beside_displacement(tried) if here is None else None
@@ -426,13 +428,13 @@ class Search:
     def _beside_displacement(
         self, tried: list[Fit]
     ) -> tuple[float, float, float] | tuple[()] | None:
-        """Return the shift of a displaced estimate, as `offset` does; None if it is not clear.
+        """Return the shift of a displaced estimate, in the form of `offset`; None if it is unclear.
 
-        Nothing where it is displaced, and no shift fits better than none.
+        The result is empty if the estimate is displaced and no shift fits better than none.
 
-        Errors of pairs are e = v s + b, v the velocities of the truths: the shift s and the
-        displacement b follow by least squares, if velocities differ. Without the shift there is the
-        displacement that fits best then.
+        Errors of pairs are e = v s + b with velocities v of the true objects. If velocities differ,
+        least squares give the shift s and the displacement b. The comparison without a shift uses
+        the displacement that fits best without it.
         """
         if not isinstance(self.distance, Norm) or self.timeline.periods:
             return None
@@ -454,9 +456,10 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """Return the shift near this one and the displacement that fit best; None if unclear.
+        """Return the best fit near a shift, with a displacement; None if it is unclear.
 
-        With two standard errors of the shift, and whether the displacement is more than noise.
+        The other values are two standard errors of the shift, and whether the displacement is more
+        than noise.
         """
         offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
         for _ in range(ROUNDS):
@@ -497,7 +500,7 @@ class Search:
         return Fit(shift, costs)
 
     def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
-        """Return errors of the pairs as they were read, and velocities of their truths (N, d)."""
+        """Return errors of pairs before any correction, and velocities of their objects (N, d)."""
         wanted = self.timestamps[1][self.steps] + fit.shift
         half = self.timeline.spacing / 2
         at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
@@ -525,7 +528,7 @@ class Search:
         return errors[there], speeds[there]
 
     def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
-        """Climb to the local maximum from this fit."""
+        """Return the local maximum reached by climbing from this fit."""
         step = self.timeline.spacing
         while step >= self.timeline.spacing / 2**HALVINGS:
             near = (fit(best.shift + sign * step) for sign in (1, -1))
@@ -539,10 +542,10 @@ class Search:
     def _spread(
         self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
     ) -> tuple[float, float]:
-        """Return two standard errors of the shift, and how far the farthest rival is.
+        """Return two standard errors of the shift, and the distance of the farthest rival.
 
-        Near its maximum G is a parabola plus a line that noise tilts: what is lost by a shift, in
-        its own standard errors, grows with the shift, and is 1 at two standard errors of the best.
+        Near its maximum, G is a parabola plus a line from noise. The loss by a shift, in its own
+        standard errors, grows with the shift and is 1 at two standard errors of the best shift.
         """
         widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
@@ -567,7 +570,7 @@ class Search:
         return uncertainty, reach
 
     def _candidates(self) -> Floats:
-        """Return shifts at which most estimates are near a truth: local maxima of their gains."""
+        """Return shifts at which many estimates are near the truth: local maxima of their gains."""
         near, row = self._near_at_any_time()
         if not len(near.gain):
             return np.zeros(0)
@@ -577,7 +580,7 @@ class Search:
         low = float(shift.min())
         place = np.rint((shift - low) / self.timeline.spacing).astype(np.int64)
         size = int(place.max()) + 1
-        key = near.rows[1] * np.int64(size) + place  # the nearest truth of each estimate counts
+        key = near.rows[1] * np.int64(size) + place  # only the nearest true state of each estimate
         order = np.argsort(key, kind="stable")
         first = places_of(np.diff(key[order], prepend=-1))
         largest = np.maximum.reduceat(near.gain[order], first)
@@ -590,7 +593,7 @@ class Search:
         return np.asarray(low + self.timeline.spacing * places[peaks])
 
     def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
-        """Return pairs of sampled rows that are near, whatever their times, and these rows."""
+        """Return pairs of sampled rows that are near at any times, and these rows."""
         side, size = self.timeline.side, len(self.rows.row)
         truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
 
@@ -610,40 +613,40 @@ class Search:
 
 
 COMMON_SHARE = 0.9
-"""Share of common steps below which something is probably wrong with the clocks."""
+"""Share of common steps below which the clocks are probably wrong."""
 
 NEARLY = 0.01
-"""Share of the median step: unmatched stamps that are closer are probably the same."""
+"""Share of the median step below which unmatched timestamps are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
-"""Units of stamps beside seconds, by the power of ten that makes seconds of them."""
+"""Units of timestamps other than seconds, by the power of ten that converts them to seconds."""
 
 WORTH = 0.5
-"""Share of the cost that another clock must save to be warned of."""
+"""Share of the cost that another clock must save to cause a warning."""
 
 SUSPICIOUS = 3.0
-"""Standard errors by which a step earlier or later fits better where the clock is looked at."""
+"""Standard errors from which a better fit one step earlier or later starts a clock search."""
 
 MOVES = np.array([[1], [-1]])
-"""Steps by which the estimate is moved to see that."""
+"""Steps by which the estimate is moved for this test."""
 
 PREFERRED = 2.0
-"""Times the uncertainty, within which an offset that makes stamps equal, or a whole hour, is it."""
+"""Multiple of the uncertainty within which equal timestamps or a whole hour are preferred."""
 
 MINUTE = 60
-"""Seconds: an offset that is less certain is not taken for whole hours."""
+"""Seconds; offsets with larger uncertainty are not rounded to whole hours."""
 
 HOURS = 14
-"""Hours by which time zones differ, at most."""
+"""Largest difference of time zones in hours."""
 
 RATES = 3.0
-"""Rates of two files differ by no more where only the unit of their stamps does."""
+"""Largest ratio of the rates of two files that differ only in the unit of time."""
 
 
 def clock_warnings(
     sides: "AlignedPair", request: "EvaluationRequest", sample: Sample | None
 ) -> list[Notice]:
-    """Warn of times of the two sides that look wrong; without sample their clocks are sound."""
+    """Warn of times of two sides that look wrong; without a sample, clocks are taken as sound."""
     warnings = [_few_common(sides, request.time_matching)]
     clock = None
     if sample is not None and not _looks_sound(sample):
@@ -659,7 +662,7 @@ def clock_warnings(
 
 
 def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
-    """Warn of stamps without a common stretch of time, but for a power of ten."""
+    """Warn of timestamps that share a stretch of time only after scaling by a power of ten."""
     truth, estimate = (side.times for side in sides)
     if sides[0].clock != "number" or not len(truth) or not len(estimate):
         return None
@@ -683,10 +686,10 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
-    steps, meaning = len(aligned.truth.times), "objects at the others count as missed or false"
-    if matching.grid == "common":  # stamps of the lower rate may all be stamps of the higher one
-        steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
-    if outages is not None and outages.counted:  # outages have a warning of their own
+    steps, meaning = len(aligned.truth.times), "objects at other steps count as missed or false"
+    if matching.grid == "common":  # timestamps of the lower rate may all be of the higher rate
+        steps, meaning = min(len(side.times) for side in sides.read), "other steps are left out"
+    if outages is not None and outages.counted:  # outages have their own warning
         steps -= len(outages.ticks)
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
@@ -702,7 +705,7 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
 def _near_misses(
     times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
 ) -> Notice | None:
-    """Warn of stamps that differ by less than 1 % of the median step."""
+    """Warn of timestamps that differ by less than 1 % of the median step."""
     if aligned.common == aligned.union or not all(map(len, times)):
         return None
     steps = [step for step in map(median_step, times) if step is not None]
@@ -716,7 +719,7 @@ def _near_misses(
         return None
     unit = SECOND if clock != "number" else 1
     wide = float(close.max())
-    if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
+    if close.dtype.kind == "f":  # `within` allows for the rounding of timestamps
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
     named = _rounded_up(wide / unit)
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
@@ -731,21 +734,21 @@ def _near_misses(
 
 
 def median_step(times: Times) -> float | None:
-    """Return the median distance of consecutive times, in the unit in which they are held."""
+    """Return the median distance of consecutive times, in the unit in which they are stored."""
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
 
 
 def _step_text(step: float, clock: str, *times: Times) -> str:
-    """Format a step between stamps, in their unit or in seconds, without their rounding."""
+    """Format a step between timestamps, in their unit or in seconds, without their rounding."""
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
 def _rounded_up(value: float) -> str:
-    """Round to two digits, not below the value but for the last digit of a double."""
+    """Round up to two digits, but ignore the last digit of a double."""
     from decimal import ROUND_CEILING, Context
 
     rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
@@ -754,21 +757,21 @@ def _rounded_up(value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ClockError:
-    """Offset and factor that make the stamps of the estimate those of the truth.
+    """Offset and factor that convert the timestamps of the estimate to those of the truth.
 
     Parameters
     ----------
     time_scale, time_offset : float
-        What they are to be multiplied by, and what is to be added then; the offset in the unit of
-        the stamps, seconds for ISO times.
+        Factor of the timestamps, and offset that is added after the multiplication. The offset is
+        in the unit of the timestamps, or in seconds for ISO times.
     ahead : float
-        How far they are ahead, where only that is wrong; 0 otherwise.
+        Time by which the estimate is ahead, if only the offset is wrong; else 0.
     uncertainty : float
         Two standard errors of the offset.
     saving : float
-        Share of the per-step GOSPA cost that goes away, without what is missed or false either way.
+        Share of the per-step GOSPA cost saved, without objects that are missed or false either way.
     steps : int
-        Steps that were looked at.
+        Number of examined steps.
     """
 
     time_scale: float
@@ -780,7 +783,7 @@ class ClockError:
 
 
 def _looks_sound(sample: Sample) -> bool:
-    """Return whether a few common steps fit, and no better one step earlier or later."""
+    """Return whether a few common steps fit, and fit no better one step earlier or later."""
     here = Fit(0.0, sample.here)
     if not here.is_close:
         return False
@@ -802,7 +805,7 @@ def find_clock(
     distance: Distance,
     given: Mapping[str, object],
 ) -> ClockError | None:
-    """Return another clock of the estimate, where that fits better than all others; else None.
+    """Return another clock of the estimate that fits better than all other clocks, or None.
 
     Parameters
     ----------
@@ -811,7 +814,7 @@ def find_clock(
     parameters, distance
         Cutoff and order; base distance of states without covariances.
     given : mapping of str to object
-        A `time_scale` and a `time_offset` with which the estimate was read.
+        Values of `time_scale` and `time_offset` with which the estimate was read.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
@@ -840,8 +843,8 @@ def find_clock(
 
 
 def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
-    """Return times, multiplied, since a moment; exact before they are rounded to doubles."""
-    from fractions import Fraction  # lazy: as in `find_clock`
+    """Return scaled times since a begin, exact until they are rounded to doubles."""
+    from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     first = times[0].item()
     if times.dtype.kind == "i":
@@ -860,8 +863,8 @@ def _clock(
     factor: "Fraction",
     given: Mapping[str, object],
 ) -> ClockError:
-    """Return the offset as it is to be written: the plainest of those that fit as well."""
-    from fractions import Fraction  # lazy: as in `find_clock`
+    """Return the offset in its simplest form among those that fit equally well."""
+    from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     unit = 1 if search.truth.clock == "number" else SECOND
     hour, near = 3600 * unit, PREFERRED * uncertainty
@@ -890,8 +893,8 @@ def _clock(
 def _equal_timestamps(
     search: Search, shift: float, uncertainty: float, factor: "Fraction"
 ) -> "Fraction | None":
-    """Return the offset that makes stamps equal, if one within the uncertainty does."""
-    from fractions import Fraction  # lazy: as in `find_clock`
+    """Return the offset that makes timestamps equal, if there is one within the uncertainty."""
+    from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     own, theirs = search.timestamps[0], search.timestamps[1][search.steps] + shift
     after = np.searchsorted(own, theirs).clip(1, len(own) - 1)
@@ -909,7 +912,7 @@ def _equal_timestamps(
 
 
 def _rounded(value: float, noise: float) -> float:
-    """Round off digits that are far below the noise."""
+    """Round off digits far below the noise."""
     digits = math.ceil(-math.log10(noise / 2))
     return round(value, digits)
 
@@ -938,5 +941,5 @@ def _clock_text(clock: ClockError, kind: str) -> str:
     power = round(math.log10(clock.time_scale))
     small, times = POWERS[-abs(power)], f"{10 ** abs(power):,} times"
     if power < 0:
-        return f"run {times} as fast as that of the truth, like {small} beside seconds"
-    return f"run {times} slower than that of the truth, like seconds beside {small}"
+        return f"run {times} as fast as that of the truth, like {small} next to seconds"
+    return f"run {times} slower than that of the truth, like seconds next to {small}"

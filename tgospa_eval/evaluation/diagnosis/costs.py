@@ -1,10 +1,10 @@
-"""Bounds of the per-step GOSPA cost of a few steps, for what a change of the data would save.
+"""Bounds of the per-step GOSPA cost of a few steps, to estimate the saving by a change of the data.
 
     cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
 
-of m truths and n estimates (docs/theory/metric.md, "Identities"). The sums of the largest terms of
-each truth and of each estimate bound G from above, a greedy choice from below. Assignments are
-computed only where these bounds leave an answer open.
+of m true objects and n estimates (docs/theory/metric.md, "Identities"). The sum of the largest term
+of each true object, or of each estimate, bounds G from above; a greedy choice bounds it from below.
+Assignments are computed only where these bounds do not decide.
 """
 
 from dataclasses import replace
@@ -23,14 +23,14 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Objects = tuple[Ints, Ints]
-"""Step of each truth and of each estimate, in order, int32."""
+"""Step of each true state and of each estimate, in order, int32."""
 
 Rows = tuple[Ints, Ints]
-"""Truth and estimate of each pair (N,), in order, int32."""
+"""True state and estimate of each pair (N,), in order, int32."""
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
-    """Sum the largest gains of truths, or of estimates: the smaller sum of each step (T,)."""
+    """Return the sum of the largest gains of true states or of estimates, the smaller one (T,)."""
     if kernels is not None:
         gains: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
         return gains
@@ -43,16 +43,16 @@ def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Flo
 
 
 def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
-    """Return disjoint pairs, always the largest that is left: round by round the best of both.
+    """Return disjoint pairs by a greedy choice of the largest gain, in rounds.
 
-    Of equal ones it is the first.
+    Each round has the pairs that are best for both states; the first of equal pairs is chosen.
 
     Returns
     -------
     gain : (T,) float array
-        That of the pairs which are chosen.
+        Gain of the chosen pairs.
     turn : (N,) int32 array
-        Round in which each pair is chosen, from 1 on; 0 of others.
+        Round in which each pair is chosen, from 1 on; 0 for any other pair.
     """
     if kernels is not None:
         pairs: tuple[Floats, Ints]
@@ -80,7 +80,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
 
 
 def ranked(turn: Ints, gain: Floats) -> Ints:
-    """Return the pairs that are chosen, round by round, and in each by falling gain."""
+    """Return the chosen pairs by round, and in each round by falling gain."""
     taken = places_of(turn)
     return taken[np.lexsort((-gain[taken], turn[taken]))]
 
@@ -89,30 +89,31 @@ def ranked(turn: Ints, gain: Floats) -> Ints:
 # Sampled steps, and the rows of a side at them.
 
 SAMPLE = 100
-"""Steps that are looked at."""
+"""Largest number of examined steps."""
 
 FIRST_STEPS = 25
-"""Steps that are looked at first."""
+"""Number of steps that are examined first."""
 
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
-"""Rows of either side at these steps, at most; more where that leaves `FEWEST_STEPS` steps: with
-fewer nothing looks sound, and the search for another clock takes longer."""
+"""Largest number of rows of either side, and a larger limit to reach `FEWEST_STEPS` steps.
+
+With fewer steps nothing looks sound, and the search for another clock takes longer."""
 
 SAMPLE_PAIRS = 200_000
-"""Pairs of these steps, near or not, as long as that leaves `FEWEST_STEPS` steps."""
+"""Largest number of pairs, near or not, at more than `FEWEST_STEPS` steps."""
 
 FEWEST_STEPS = 8
-"""Fewer steps give no warning of a shift."""
+"""Smallest number of steps that can cause a warning of a shift."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRows:
-    """The rows of a side at some steps, which are then 0, 1, 2, ...
+    """Rows of a side at some steps, which are renumbered 0, 1, 2, ...
 
     Parameters
     ----------
     side : Trajectories
-        All of its rows.
+        Side with all of its rows.
     bounds : (2, T) int array
         First row and end of the rows of each step.
     """
@@ -122,7 +123,7 @@ class StepRows:
 
     @classmethod
     def of(cls, side: Trajectories, steps: Ints | None = None) -> "StepRows":
-        """Return the rows at some steps; by default at all."""
+        """Return the rows at some steps, by default at all steps."""
         if steps is not None:
             return cls(side=side, bounds=rows_at(side, steps))
         rows = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
@@ -141,7 +142,7 @@ class StepRows:
 
     @cached_property
     def row(self) -> Ints:
-        """Number of each among all of the side."""
+        """Index of each row among all rows of the side."""
         return concatenated(self.bounds[0], self.counts)
 
     @cached_property
@@ -151,7 +152,7 @@ class StepRows:
 
     @cached_property
     def table(self) -> Trajectories:
-        """They alone, as points."""
+        """These rows as points."""
         return self.side.reduced_to(()).chosen(self.row, self.step, np.arange(len(self.counts)))
 
 
@@ -170,7 +171,7 @@ def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = S
 
 
 def with_state(side: Trajectories, state: Floats) -> Trajectories:
-    """Return the side with other states; those beyond the largest double are clipped."""
+    """Return the side with other states; states beyond the largest double are clipped."""
     largest = np.finfo(np.float64).max
     return replace(side, state=np.clip(state, -largest, largest, order="C"))
 
@@ -181,20 +182,21 @@ def occupied(side: Trajectories) -> Mask:
 
 
 DENSE = 1_000_000
-"""Pairs of a step, near or not, up to which an assignment is computed."""
+"""Largest number of pairs of a step, near or not, with an assignment."""
 
 PAIRED = 12
-"""Fewer pairs give no warning of a shift for their sake."""
+"""Smallest number of pairs that can cause a warning of a shift."""
 
 FEWEST_TRACKS = 3
-"""Tracks that must agree on a fault that is smaller than the cutoff: that of one may be its own
-error."""
+"""Number of tracks that must agree on a fault below the cutoff.
+
+The fault of a single track may be its own error."""
 
 NOTABLE_COST = 1e-3
-"""Share of the cost of leaving all unassigned: less makes no warning, but about rounding."""
+"""Smallest share of the cost without assignments that causes a warning, except on rounding."""
 
 CHEAPER = 2 / 3
-"""Share of the steps that a change must improve: a late start makes one step costly, not most."""
+"""Share of the steps that a change must improve; a late start makes only one step costly."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,13 +206,13 @@ class StepCosts:
     Parameters
     ----------
     counts : pair of (T,) int arrays
-        Truths and estimates at each step.
+        Numbers of true states and estimates at each step.
     objects : pair of int32 arrays
-        Step of each truth and of each estimate, in order.
+        Step of each true state and of each estimate, in order.
     rows : pair of (N,) int32 arrays
-        Truth and estimate of each near pair, in order.
+        True state and estimate of each near pair, in order.
     gain : (N,) float array
-        What each pair saves, 1 - (d / c)^p.
+        Saving of each pair, 1 - (d / c)^p.
     """
 
     counts: tuple[Ints, Ints]
@@ -225,7 +227,7 @@ class StepCosts:
 
     @property
     def possible(self) -> int:
-        """Pairs that there could be at once."""
+        """Number of pairs that could be assigned at once."""
         return int(np.minimum(*self.counts).sum())
 
     @cached_property
@@ -235,18 +237,18 @@ class StepCosts:
 
     @cached_property
     def unassigned(self) -> Floats:
-        """The costs without any pair (T,)."""
+        """Costs without any pair (T,)."""
         return np.float64(0.5) * (self.counts[0] + self.counts[1])
 
     @cached_property
     def lower(self) -> Floats:
-        """As if each truth, or each estimate, had its largest gain (T,)."""
+        """Costs if each true state, or each estimate, had its largest gain (T,)."""
         saved = largest_gains(self.objects, self.rows, self.gain, self.steps)
         return np.asarray(self.unassigned - saved)
 
     @cached_property
     def upper(self) -> Floats:
-        """Cost of the greedy choice (T,)."""
+        """Costs of the greedy choice (T,)."""
         return np.asarray(self.unassigned - self._greedy[0])
 
     @cached_property
@@ -256,12 +258,12 @@ class StepCosts:
 
     @cached_property
     def lost(self) -> Floats:
-        """(d / c)^p of these."""
+        """(d / c)^p of the pairs of the greedy choice."""
         return np.asarray(1 - self.gain[self.taken])
 
     @cached_property
     def ranked(self) -> Ints:
-        """The same in the order in which they are chosen."""
+        """Pairs of the greedy choice, in the order of this choice."""
         return ranked(self._greedy[1], self.gain)
 
     @cached_property
@@ -269,7 +271,7 @@ class StepCosts:
         return pair_off(self.objects, self.rows, self.gain, self.steps)
 
     def settle(self) -> None:
-        """Make the bounds equal by assignments, but for steps too large for a dense one."""
+        """Make the bounds equal by assignments, except at steps that are too large."""
         for step in np.flatnonzero(self.lower < self.upper).tolist():
             pairs = slice(*np.searchsorted(self.step, [step, step + 1]).tolist())
             truth, estimate = (rows[pairs] for rows in self.rows)
@@ -283,7 +285,7 @@ class StepCosts:
 def step_costs(
     truth: StepRows, estimate: StepRows, parameters: Parameters, distance: Distance
 ) -> StepCosts:
-    """Return the costs of steps of two sides, by a base distance of states without covariances."""
+    """Return the costs of steps of two sides, with a base distance of plain states."""
     cutoff = parameters.cutoff
     pairs = near_points(
         (truth.side, estimate.side), (truth.bounds, estimate.bounds), cutoff, distance
@@ -297,7 +299,7 @@ def step_costs(
 
 
 class Sample:
-    """Some steps that two sides have both, and what they cost.
+    """Some common steps of two sides, and their costs.
 
     Parameters
     ----------
@@ -307,8 +309,8 @@ class Sample:
         Cutoff and order.
     distance : Distance
         Base distance of states without covariances.
-    most : int
-        Steps.
+    max_steps : int
+        Largest number of steps.
     """
 
     def __init__(
@@ -326,7 +328,7 @@ class Sample:
 
     @property
     def larger(self) -> "Sample":
-        """As many steps as may be looked at."""
+        """Sample of the largest number of steps."""
         return Sample(self.sides, self.parameters, self.distance)
 
     @property
@@ -336,7 +338,7 @@ class Sample:
 
     @property
     def estimate(self) -> Trajectories:
-        """The same."""
+        """Estimate at these steps, as points."""
         return self.rows[1].table
 
     def costs(self, estimate: Trajectories) -> StepCosts:
@@ -346,15 +348,15 @@ class Sample:
 
     @cached_property
     def is_bad(self) -> bool:
-        """True if most truths and estimates have no counterpart."""
+        """True if most true states and estimates have no counterpart."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
-    """Return the share of the cost that goes away there; 0 unless it is half of most steps.
+    """Return the share of the cost saved there, if it is half or more, at enough steps; else 0.
 
-    `fewest` is the number of steps, of which half must become cheaper. Objects that are not looked
-    at there are taken to cost what objects without counterpart do: to look away saves nothing.
+    `fewest` is a number of steps, half of which must become cheaper. Objects that are not
+    examined there cost as much as objects without a counterpart, so leaving them out saves nothing.
     """
     unseen = max(0.0, float(here.unassigned.sum() - there.unassigned.sum()))
     if 2 * (there.lower.sum() + unseen) > here.upper.sum():
@@ -369,7 +371,7 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
 
 
 def falls(share: float, steps: int) -> str:
-    """Say how far the cost falls by a change; not by all of it, which no bounds prove."""
+    """Describe the fall of the cost by a change, at most 99 %, because bounds never prove all."""
     return (
         f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
         f"{min(100 * share, 99):.0f} % or more"

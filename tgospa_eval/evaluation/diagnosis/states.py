@@ -1,7 +1,7 @@
 """Warnings about the states of two sides: other units, other axes, another origin.
 
-Each suspicion is tried on some steps that both sides have: there is a warning only where undoing it
-would at least halve the per-step GOSPA cost.
+Each suspected fault is undone at some common steps. A warning appears only if this at least halves
+the per-step GOSPA cost.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.formats.headers import BOX
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 SIDES = ("truth", "estimate")
@@ -33,7 +33,7 @@ EMPTY_OTHER_SIDE = ("all estimates are false", "all truths are missed")
 
 
 def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
-    """Warn of values that a side is unlikely to mean."""
+    """Warn of values of a side that are probably not intended."""
     warnings = []
     for name, meaning, side in zip(SIDES, EMPTY_OTHER_SIDE, sides, strict=True):
         if not len(side.step):
@@ -59,7 +59,7 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Return ids that are one number, and different texts: 7 and 7.0."""
+    """Return warnings of ids that are the same number in different texts, such as 7 and 7.0."""
     ids = side.ids.tolist()
     pointed = [text for text in ids if "." in text]
     whole = {text for text in ids if text.isdigit()} if pointed else ()
@@ -78,30 +78,32 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Tests that truths and estimates are near each other more often than by chance.
+# Tests whether true states and estimates are near each other more often than by chance.
 
 SOME = 0.35
-"""Share of the pairs that there could be from which on chance is not asked."""
+"""Share of the possible pairs from which chance is not tested."""
 
 UNLIKE = 4
-"""Times as many rows as the other side has: of a side with more, most are near nothing anyway."""
+"""Ratio of the numbers of rows above which most rows of the larger side have no partner."""
 
 ENOUGH = 100
-"""Pairs that there could be, without which chance is not asked."""
+"""Smallest number of possible pairs with which chance is tested."""
 
 HARDLY = 1.5
-"""Times what chance saves: wrong pairs may save a little more of it, for estimates that are
-displaced leave the scene; sound ones save more than that, if their noise is below the cutoff."""
+"""Multiple of the saving by chance up to which pairs may be chance.
+
+Wrong pairs may save a little more than displaced estimates, some of which leave the scene. Sound
+pairs save more than this multiple if their noise is below the cutoff."""
 
 LITTLE = 0.005
-"""Share of the possible saving: some pairs stay near for long, as they go the same way."""
+"""Share of the possible saving from pairs that stay near by moving in the same direction."""
 
 MOVES = (3.0, 6.0)
-"""Cutoffs by which estimates are displaced along a line, either way."""
+"""Displacements of the estimates along a line, in cutoffs, in both directions."""
 
 
 def few_are_near(here: StepCosts) -> bool:
-    """Return whether there are so few disjoint near pairs that these may be chance."""
+    """Return whether disjoint near pairs are so few that they may be chance."""
     if not len(here.taken):
         return True
     rows = sorted(map(len, here.objects))
@@ -109,7 +111,7 @@ def few_are_near(here: StepCosts) -> bool:
 
 
 def nearness_warnings(sample: Sample) -> list[Notice]:
-    """Warn that no truth has an estimate within the cutoff, or some by chance alone."""
+    """Warn that no true state has an estimate within the cutoff, or some only by chance."""
     here = sample.here
     within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
@@ -137,10 +139,9 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
 def _is_chance(sample: Sample) -> bool:
     """Return whether pairs save hardly more of the cost than they would by chance.
 
-    That is what they save where all estimates are displaced by a few cutoffs: whatever belongs
-    together is then far apart. Of several lines the one counts along which most is saved: on a road
-    what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
-    is where it was at any other step.
+    The saving by chance is that of estimates displaced by a few cutoffs, far from their objects.
+    The line with the largest saving counts, because on a road nothing is near an estimate that is
+    displaced across it. Exchanged steps would not serve, as objects at rest keep their position.
     """
     possible, estimate = sample.here.possible, sample.estimate
     if possible < ENOUGH:
@@ -155,19 +156,19 @@ def _is_chance(sample: Sample) -> bool:
 
 
 def _saved(costs: StepCosts) -> float:
-    """Return the saved part of the cost of leaving all unassigned."""
+    """Return the saving relative to the cost without assignments."""
     return float((costs.unassigned - costs.upper).sum())
 
 
 def _lines(sample: Sample) -> Iterator[Floats]:
     """Yield vectors (R or 1, d) as long as the cutoff on both or one of the first two axes.
 
-    They are the diagonals, the axes, and the direction in which the truths are spread most.
+    They are the diagonals, the axes, and the direction of the largest spread of the truth.
     """
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
     if distance.on_earth:
-        from tgospa_eval.distances.sphere import RADIUS  # lazy: most distances are others
+        from tgospa_eval.distances.sphere import RADIUS  # lazy: rarely needed
 
         chosen, degrees = [0, 1], np.degrees(cutoff / RADIUS)
         shrunk = np.cos(np.radians(truth.state[:, 0])).mean().clip(0.01)
@@ -197,19 +198,20 @@ FACTORS = {
     1 / 0.3048: ("feet", "metres"),
     180 / np.pi: ("degrees", "radians"),
 }
-"""Factors between units, by which the coordinates of one file may be off."""
+"""Factors between units by which the coordinates of one file may be wrong."""
 
 FEWEST_PAIRS = 6
-"""Pairs that must be near after a change for it to be believed, more of a fitted offset."""
+"""Smallest number of near pairs after a credible change; a fitted offset needs more."""
 
 FITTED = 12
 
 VOTES, EACH = 6_000, 40
-"""Differences of states among which an offset is sought: so many, and so many for each estimate of
-a step, of which one may be right."""
+"""Numbers of differences for the search of an offset: in total, and for each estimate of a step.
+
+The larger result counts. One of the differences of each estimate may be right."""
 
 UPWARD = ("z", HEIGHT)
-"""Columns that may have a unit of their own, such as feet."""
+"""Columns that may have their own unit, such as feet."""
 
 POSITIONS = (("x", "y", "z"), ("lat", "lon"))
 
@@ -221,15 +223,15 @@ class _Change:
     Parameters
     ----------
     code : str
-        Of the warning.
+        Code of the warning.
     text : str
-        What seems wrong, and what undoes it.
+        Suspected fault, and its correction.
     remedy : str
-        What to do about it.
+        Remedy for the user.
     order : tuple of int
         Column of the estimate that becomes each column.
     factor, offset : (d,) float arrays
-        After that.
+        Factor and offset, applied after the change of order.
     """
 
     code: str
@@ -246,13 +248,13 @@ class _Change:
 
 
 def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> float:
-    """Return the share of the cost that a change saves; 0 where that is not convincing."""
+    """Return the share of the cost that a change saves, or 0 if the change is not credible."""
     there = sample.costs(change(sample.estimate))
     saved = saving(sample.here, there, min(len(sample.steps), 2))
     if not saved or len(there.taken) < fewest:
         return 0.0
     if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-        # Shrinking moves any estimate near to truths at the origin.
+        # Shrinking moves any estimate near to true states at the origin.
         origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
         if origin.upper.sum() < 2 * there.upper.sum():
             return 0.0
@@ -260,12 +262,12 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
 
 
 def state_warnings(sample: Sample) -> list[Notice]:
-    """Warn of units, axes and origin that look wrong; at most one warning.
+    """Warn of units, axes and origin that look wrong, in at most one warning.
 
     Parameters
     ----------
     sample : Sample
-        Of few steps.
+        Sample of few steps.
     """
     if (
         not len(sample.steps)
@@ -275,7 +277,7 @@ def state_warnings(sample: Sample) -> list[Notice]:
     best = _best(sample, _linear(sample)) if sample.is_bad else None
     best = best or _best(sample, _displaced(sample), FITTED)
     suspicious = best is not None or few_are_near(sample.here)
-    if suspicious and len(sample.steps) >= FIRST_STEPS:  # more steps must confirm it
+    if suspicious and len(sample.steps) >= FIRST_STEPS:  # more steps must confirm the fault
         sample = sample.larger
         saved = _saved_by(best[1], sample) if best else 0.0
         best = (saved, best[1]) if best and saved else None
@@ -294,7 +296,7 @@ def state_warnings(sample: Sample) -> list[Notice]:
 def _best(
     sample: Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
-    """Return the change that saves the most, the first one of equals; None if none convinces."""
+    """Return the change that saves most, the first of equal ones; None without a credible one."""
     best: tuple[float, _Change] | None = None
     for change in changes:
         saved = _saved_by(change, sample, fewest)
@@ -304,7 +306,7 @@ def _best(
 
 
 def _linear(sample: Sample) -> Iterator[_Change]:
-    """Yield other units, columns in another order, negated columns."""
+    """Yield changes of units, of the order of columns, and of signs."""
     columns = sample.columns
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
@@ -324,13 +326,13 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # angles have no such option
+            way = option("unit_scale", value)  # angles lack this option
             if angles or names != lengths:
                 way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
-                f"of the truth, like {own} beside {other}: with {named} of the estimate times "
+                f"of the truth, like {own} next to {other}: with {named} of the estimate times "
                 f"{by:.6g}",
                 remedy="write both files in one unit"
                 + f", or use {way}" * ("degrees" not in units),
@@ -343,7 +345,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
-    """Yield orders of the columns and signs, the simplest ones first, without the identity."""
+    """Yield orders and signs of the columns, simple ones first, without the identity."""
     size = len(columns)
     same = tuple(range(size))
     if columns == BOX:
@@ -373,7 +375,7 @@ def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]
 def _turned(
     columns: tuple[str, ...], order: tuple[int, ...], signs: Floats, offset: Floats | None = None
 ) -> _Change:
-    """Return columns in another order, or negated, or both."""
+    """Return the change that reorders or negates columns, or both."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
     moved = [
         (name, columns[source])
@@ -392,7 +394,7 @@ def _turned(
 
     return _Change(
         code="axis-swap" if moved else "axis-sign",
-        text=f"{text}: with that undone",
+        text=f"{text}: corrected,",
         remedy="write both files in the same axes" + named * (bool(moved) and not negated),
         order=order,
         factor=signs,
@@ -401,7 +403,7 @@ def _turned(
 
 
 def _displaced(sample: Sample) -> Iterator[_Change]:
-    """Yield another origin, also of axes that are negated or exchanged."""
+    """Yield changes of the origin, also with negated or exchanged axes."""
     columns = sample.columns
     size = len(columns)
     mean = None if sample.is_bad else _mean_difference(sample)
@@ -410,7 +412,7 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
-        return  # differences have no such distance
+        return  # such distances are not those of differences
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
@@ -426,10 +428,10 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
         if order == same and (signs > 0).all():
             yield _moved(columns, offset)
         else:
-            text = plain.text.removesuffix(": with that undone")
+            text = plain.text.removesuffix(": corrected,")
             yield replace(
                 plain,
-                text=f"{text}, about another origin: with that undone",
+                text=f"{text}, about another origin: corrected,",
                 offset=offset,
                 remedy="write both files in the same axes, from the same origin",
             )
@@ -442,9 +444,9 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
     )
     return _Change(
         code="offset",
-        text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: without that",
-        remedy="bring both files to one origin; if it is a bias or a latency of the tracker, it is "
-        "rightly an error",
+        text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: corrected,",
+        remedy="bring both files to one origin; but a bias or a latency of the tracker is an error "
+        "that should count",
         order=tuple(range(size)),
         factor=np.ones(size),
         offset=offset,
@@ -470,7 +472,7 @@ def _mean_difference(sample: Sample) -> Floats | None:
 
 
 def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
-    """Return the difference on which the most pairs agree within the radius (d,)."""
+    """Return the difference on which most pairs agree within the radius (d,)."""
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
         return None
@@ -479,7 +481,7 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
     if not np.isfinite(scaled).all() or np.abs(scaled).max() > 2.0**52:
         return None
     cell = np.zeros(len(differences), np.int64)
-    for column in np.floor(scaled):  # np.unique of rows takes ten times as long
+    for column in np.floor(scaled):  # np.unique of rows is ten times slower
         values, place = np.unique(column, return_inverse=True)
         cell = np.unique(cell * len(values) + place, return_inverse=True)[1]
     near = cell == np.bincount(cell).argmax()
@@ -491,7 +493,7 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
 
 
 def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
-    """Return rows of all pairs of some steps, about so many as votes are wanted."""
+    """Return rows of all pairs of some steps, close to the required number of votes."""
     counts = [np.bincount(side, minlength=steps) for side in (first, second)]
     starts = [np.concatenate(([0], np.cumsum(count))) for count in counts]
     pairs = counts[0] * counts[1]

@@ -1,1 +1,1 @@
-"""Files of text: lines to fields, fields to the rows of a table."""
+"""Text files: conversion of lines to fields, and of fields to the rows of a table."""

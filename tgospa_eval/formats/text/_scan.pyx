@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""The fields of a plain table in one pass; `formats.text.lines` is the careful way."""
+"""Fields of a plain table in one pass; `formats.text.lines` reads tables that are not plain."""
 
 import numpy as np
 
@@ -23,17 +23,17 @@ cdef double[23] POWERS = [
 ]
 cdef uint64_t EXACT = <uint64_t>1 << 53
 cdef enum:
-    NUMBER = 1  # of `kinds`
+    NUMBER = 1  # value of `kinds`
     TEXT = 2
-    MOST_DIGITS = 19  # of 64 bits
+    MOST_DIGITS = 19  # that fit 64 bits
     LONGEST = 120
-    SCALES = 65  # powers of ten that are multiplied here: less than so many, up or down
-    PLAIN = 0  # of letters
+    SCALES = 65  # scales from -64 to 64 are multiplied here
+    PLAIN = 0  # value of `letters`
     ENDS = 1
     ODD = 2
 
 cdef uint64_t[2 * SCALES - 1] HIGH, LOW
-"""The first 128 bits of the powers of five from -64 to 64, as Lemire has them."""
+"""First 128 bits of the powers of five from -64 to 64, in the form of Lemire."""
 
 
 def _powers_of_five():
@@ -54,7 +54,7 @@ _powers_of_five()
 
 
 cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcept:
-    """Return the lower 64 bits of a product, and the upper."""
+    """Return the lower 64 bits of a product, and write the upper 64 bits to `high`."""
     cdef uint64_t half = 0xFFFFFFFF
     cdef uint64_t low = (one & half) * (two & half)
     cdef uint64_t first = (one >> 32) * (two & half) + (low >> 32)
@@ -66,9 +66,9 @@ cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcep
 cdef double nearest(uint64_t mantissa, int scale) noexcept:
     """Return the double nearest to mantissa 10^scale, for a mantissa > 0 and a scale in `SCALES`.
 
-    Eisel and Lemire: Lemire, Number parsing at a gigabyte per second, Software: Practice and
-    Experience 51 (2021); that 128 bits of the power suffice: Mushtak and Lemire, Fast number
-    parsing without fallback, same journal 53 (2023).
+    The algorithm is that of Eisel and Lemire: Lemire, Number parsing at a gigabyte per second,
+    Software: Practice and Experience 51 (2021). 128 bits of the power suffice: Mushtak and Lemire,
+    Fast number parsing without fallback, same journal 53 (2023).
     """
     cdef uint64_t high, low, more, bits
     cdef int zeros = 0, step = 32, upper, exponent
@@ -87,7 +87,7 @@ cdef double nearest(uint64_t mantissa, int scale) noexcept:
     bits = high >> (upper + 9)
     exponent = ((217706 * scale) >> 16) + 63 + upper - zeros + 1023
     if low <= 1 and -4 <= scale <= 23 and bits & 3 == 1 and bits << (upper + 9) == high:
-        bits &= ~<uint64_t>1  # half way between two doubles: to the even one
+        bits &= ~<uint64_t>1  # half way between two doubles: round to the even one
     bits = (bits + (bits & 1)) >> 1
     if bits >= EXACT:
         bits = EXACT >> 1
@@ -102,7 +102,7 @@ cdef inline bint is_digit(const char* at, const char* stop) noexcept:
 
 
 cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
-    """Return the double of a number of any length as Python reads it; infinite if it is none."""
+    """Return the double that Python reads from a text, or infinity if it is not a number."""
     cdef char[LONGEST + 1] text
     cdef char* end
     cdef Py_ssize_t length = stop - at, k
@@ -119,11 +119,11 @@ cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
 cdef const char* number(
     const char* at, const char* stop, const u8* letters, char decimal, double* value
 ) except? NULL:
-    """Return the end of a field; write its number to `value`, NaN if blank; NULL where odd.
+    """Return the end of a field and write its number to `value`, NaN if blank; NULL if not plain.
 
-    A mantissa up to 2^53 times or through a power of ten up to 10^22: both are doubles, so that
-    the one operation rounds correctly (Clinger, How to read floating point numbers accurately,
-    PLDI 1990). Others of 19 digits are `nearest`; Python reads what has more.
+    A mantissa up to 2^53 is multiplied or divided by a power of ten up to 10^22. Both are doubles,
+    so this one operation rounds correctly (Clinger, How to read floating point numbers accurately,
+    PLDI 1990). `nearest` reads other numbers up to 19 digits, and Python reads longer ones.
     """
     cdef const char* begin
     cdef const char* end
@@ -177,7 +177,7 @@ cdef const char* number(
     if at < stop and letters[<u8>at[0]] != ENDS:
         return NULL
     if not some:
-        if end != begin and end + 3 != begin:  # a sign or a mark alone
+        if end != begin and end + 3 != begin:  # only a sign or a mark
             return NULL
         value[0] = NAN
         return at
@@ -198,9 +198,10 @@ cdef const char* number(
 
 
 cdef class Coder:
-    """Numbers of the distinct texts of a column, in the order of appearance.
+    """Numbers of the distinct texts of a column, in order of appearance.
 
-    Tables go round: a text is that of the row before, or the one that came after that text before.
+    Texts of tables repeat in cycles. So a text is first compared with the text of the row before,
+    and with the text that followed this one earlier.
     """
 
     cdef dict seen
@@ -226,7 +227,7 @@ cdef class Coder:
                 return code
         text = PyUnicode_DecodeUTF8(at, length, NULL)
         code = self.seen.setdefault(text, len(self.seen))
-        if code == <int64_t>len(self.seen) - 1:  # new; or the newest again, of the same letters
+        if code == <int64_t>len(self.seen) - 1:  # a new text, or the newest text again
             self.begin[code], self.length[code] = at - data, length
             self.after[code] = -1
         if last >= 0:
@@ -236,7 +237,7 @@ cdef class Coder:
 
 
 cdef bint is_marked(const char* at, const char* stop) noexcept:
-    """Return whether a row begins like a comment, in quotes as well."""
+    """Return whether a row begins like a comment, also in quotes."""
     cdef bint quoted = False
     while at < stop and (at[0] == c' ' or at[0] == c'\t' or (at[0] == c'"' and not quoted)):
         quoted |= at[0] == c'"'
@@ -249,14 +250,13 @@ cdef bint is_marked(const char* at, const char* stop) noexcept:
 def scan(
     bytes data, Py_ssize_t start, str delimiter, str decimal, const u8[::1] kinds, bint quotes
 ):
-    """Columns of numbers (n, R), and of texts: codes (k, R) and the distinct texts of each.
+    """Return columns of numbers (n, R), codes (k, R) of texts, and the distinct texts of each.
 
-    None if some row has more or fewer fields than there are `kinds` (1 for numbers, 2 for texts,
-    3 for both, 0 for what is passed over) or begins like a comment, a field is not plainly a number
-    or blank, or has a quote or a line end inside. Unless there may be `quotes` around a field, none
-    is blank behind the last delimiter.
-    `data` is UTF-8, of which the rows begin at `start`; a blank as delimiter is any number of
-    blanks and tabs.
+    Return None if a table is not plain: a row begins like a comment or has another number of fields
+    than `kinds`, or a field is not plainly a number or blank, or has a quote or a line end inside.
+    Without `quotes` around fields, the last field must not be blank either. `kinds` is 1 for
+    numbers, 2 for texts, 3 for both and 0 for columns to skip. `data` is UTF-8, and rows begin at
+    `start`. A blank as delimiter means any number of blanks and tabs.
     """
     cdef const char* base = data
     cdef const char* at = base + start

@@ -1,8 +1,8 @@
-"""Lines of text to columns and their line numbers, in two ways that answer alike.
+"""Conversion of lines of text to columns, in two ways with equal results.
 
-A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields. What
-is not plainly right it leaves to `blocks_of` and `gather`, which take the lines as the readers of
-the formats split them, and know what is wrong and where.
+A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields. For
+text that is not plain there are `blocks_of` and `gather`. They receive fields from the readers of
+the formats, and report mistakes with their lines.
 """
 
 import csv
@@ -40,42 +40,42 @@ from tgospa_eval.formats.rows import (
     numbered,
     without_ids,
 )
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
-"""The extension module, or None: then large files take some ten times as long."""
+"""The extension module; without it (None) reading large files takes some ten times as long."""
 
 AS_NUMBER, AS_TEXT = 1, 2
-"""Types as which a column is read; it may be both."""
+"""Types as which a column is read; a column may have both."""
 
 BLANKS = " "
-"""Delimiter of tables whose columns are separated by any number of blanks."""
+"""Delimiter that means any number of blanks."""
 
 ROWS_OF_BLOCK = 1 << 13
-"""Rows of a block from the csv module."""
+"""Number of rows of a block from the csv module."""
 
 LETTERS_TOGETHER = 1 << 17
-"""Letters of text that are turned into fields at a time."""
+"""Number of letters that are split into fields at a time."""
 
 LARGE_BYTES = 4_000_000
-"""Bytes from which a file is not decoded unless the compiled loop leaves it."""
+"""Size in bytes from which a file is decoded only if the compiled loop cannot read it."""
 
 HEADER_BYTES = 1 << 16
-"""Bytes in which the header of a large file is looked for."""
+"""Number of first bytes in which the header of a large file is looked for."""
 
 COMPRESSED = {
     b"PK\x03\x04": "zip",
     b"BZh": "bzip2",
     b"\xfd7zXZ\0": "xz",
 }
-"""Beginnings of compressed files that `formats.loading` does not unpack."""
+"""First bytes of compressed files that `formats.loading` does not unpack."""
 
 Block = tuple[Ints, Sequence[Sequence[str]]]
-"""Some rows of a file: the line of each, and the fields as texts, column by column."""
+"""Some rows of a file: the line of each row, and the fields as texts, column by column."""
 
 
 Wrong = dict[str, tuple[int, str, int]]
-"""First row and text of each kind of mistake in a column, and how many there are."""
+"""First row, its text and the number of rows, for each kind of mistake in a column."""
 
 
 def check_text(data: bytes, path: str) -> None:
@@ -84,13 +84,13 @@ def check_text(data: bytes, path: str) -> None:
     Raises
     ------
     InputError
-        There are none, or they are binary or UTF-16.
+        The file is empty, compressed or binary, or UTF-16 or UTF-32.
     """
     if not data:
         raise InputError(
-            f"{path}: the file is empty; a set without objects is a header alone, or text of "
-            f"MOTChallenge or KITTI whose format is named ({option('truth_format')}, "
-            f"{option('estimate_format')})"
+            f"{path}: the file is empty; if there are no objects, write the header alone; only "
+            f"MOTChallenge and KITTI text may be empty, with {option('truth_format')} or "
+            f"{option('estimate_format')}"
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):
@@ -108,7 +108,7 @@ def check_text(data: bytes, path: str) -> None:
 
 
 def decode(data: bytes, path: str) -> str:
-    """Decode a text, with one kind of line end."""
+    """Decode a text, and convert all line ends to line feeds."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -122,7 +122,7 @@ def decode(data: bytes, path: str) -> str:
 
 
 def beginning(data: bytes, path: str) -> tuple[str, bool]:
-    """Return a text, or the first lines of a large ASCII file; and whether that is all of it."""
+    """Return a text, or only the first lines of a large ASCII file, and whether it is complete."""
     if len(data) < LARGE_BYTES or not data.isascii():
         return decode(data, path), True
     end = data.rfind(b"\n", 0, HEADER_BYTES) + 1
@@ -131,7 +131,7 @@ def beginning(data: bytes, path: str) -> tuple[str, bool]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fields:
-    """The columns of a file that are used.
+    """Columns of a file that are used.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ class Fields:
     coded : dict of int to Coded
         Texts, by column.
     values : (R, n) float array
-        The columns `Roles.numbers`, NaN where blank.
+        Columns `Roles.numbers`, NaN where blank.
     mistakes : sequence of tuple
-        Column and row of what is no number, and the message.
+        Column, row and message of fields that are not finite numbers.
     """
 
     lines: Ints | range
@@ -152,7 +152,7 @@ class Fields:
 
 
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
-    """Return the columns read as texts: ids, times, classes, attributes, and requested ones."""
+    """Return the columns to read as texts: ids, times, classes, attributes, and `texts`."""
     klass = () if roles.klass is None else (roles.klass,)
     second = () if roles.second is None else (roles.second,)
     return tuple(dict.fromkeys((roles.id, roles.time, *second, *texts, *klass, *roles.texts)))
@@ -169,10 +169,10 @@ def scanned(
     *,
     quotes: bool = True,
 ) -> Fields | None:
-    """Scan UTF-8 text whose rows begin on line `first` into columns; None if it is not plain.
+    """Scan plain UTF-8 text whose rows begin on line `first` into columns; None for other text.
 
-    Plain are rows of `width` fields, without line ends and quotes inside, comments, blank lines and
-    returns for line ends, with numbers that are finite or blank.
+    Text is plain if all rows have `width` fields, and all numbers are finite or blank. It has no
+    comments, no blank lines, no line ends or quotes inside fields, and no single carriage returns.
     """
     if scanner is None or delimiter == decimal:
         return None
@@ -201,9 +201,9 @@ def scanned(
 
 
 def lines_of(text: str, start: int = 0) -> Iterator[str]:
-    """Yield the lines of the text from `start` on, with their ends, which are line feeds.
+    """Yield the lines of the text from `start` on, with line feeds at their ends.
 
-    Of some 10^5 letters at a time: a copy of all takes four times the memory.
+    Some 10^5 letters are copied at a time, as a copy of the text takes four times the memory.
     """
     stop = len(text.rstrip("\n"))
     while start < stop:
@@ -214,13 +214,13 @@ def lines_of(text: str, start: int = 0) -> Iterator[str]:
 
 
 class Comments:
-    """Lines of comments, as far as rows were read."""
+    """Number of lines of comments among the rows that were read."""
 
     def __init__(self) -> None:
         self.count = 0
 
     def noted(self, roles: Roles) -> Roles:
-        """Add a notice about the comments to the roles."""
+        """Return the roles with a notice about the comments, if there are any."""
         if not self.count:
             return roles
         notice = f"{counted(self.count, 'line')} of comments passed over"
@@ -239,34 +239,34 @@ def blocks_of(
     delimiter: str = BLANKS,
     quotes: bool = False,
 ) -> Iterator[Block]:
-    """Yield rows in blocks; those that are blank or comments are passed over.
+    """Yield rows in blocks; blank lines and comments are skipped.
 
-    A row that begins like a comment may be one as well, for an id may begin so: where all do.
+    Ids may begin like comments, but only if the first field of every row does.
 
     Parameters
     ----------
     lines : iterator of str
-        With their ends.
+        Lines with their ends.
     split : callable
-        Lines to rows of fields.
+        Callable that receives lines and yields their fields.
     width : int
-        How many of them a row has.
+        Number of fields of a row.
     line : int
         Line of the first row.
     path, rule : str
-        The file, and what is right, for messages about other lengths.
+        Path of the file, and the rule for the number of fields, for messages.
     comments : Comments
-        Counts them.
+        Counter of the comments.
     delimiter : str
-        Of the fields, if `split` splits at no other letter: plain lines are split all at once, in
-        half the time.
+        Delimiter of the fields, if `split` uses only this one. Then plain lines are split all at
+        once, in half the time.
     quotes : bool
-        Fields may have line ends, in quotes.
+        Whether fields in quotes may have line ends.
 
     Raises
     ------
     InputError
-        A row has the wrong length or wrong quotes; or it may be a comment as well as a row.
+        A row has the wrong length or wrong quotes, or it may be a comment or a row.
     """
     marked, are_marked = 0, True
     fault = None
@@ -305,15 +305,15 @@ def blocks_of(
             are_marked = are_marked and len(begins) == len(texts)
             if marked and not are_marked:
                 raise InputError(
-                    f"{path}, line {marked}: a comment, not a row, or an id that begins like one; "
-                    "delete such lines (ids may begin like comments if all do)"
+                    f"{path}, line {marked}: begins like a comment, but has the fields of a row; "
+                    "delete the line (ids may begin so only if all ids do)"
                 )
             yield at, columns
     raise InputError(f"{path}, line {line}: {fault}; close quotes, and double those inside a field")
 
 
 def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Sequence[str]]:
-    """Split lines that are plainly rows into columns at once; none for any others."""
+    """Split plain lines into columns at once; return an empty list for any other lines."""
     text = "".join(several)
     row = delimiter * (width - 1) + "\n"
     deleted = bytes(set(range(256)) - set(row.encode()))
@@ -327,10 +327,10 @@ def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Seque
 def gather(
     blocks: Iterable[Block], roles: Roles, decimal: str, texts: Sequence[int] = ()
 ) -> Fields:
-    """Gather the columns of blocks of texts; `texts` are more columns to return as such.
+    """Gather the columns of blocks of texts; `texts` are further columns to return as texts.
 
-    A block is turned into numbers before the next one is asked for: texts of numbers are not held,
-    of others each distinct one.
+    A block is converted before the next one is read. So texts of numbers are not stored, and other
+    texts are stored once.
     """
     wanted = text_columns(roles, texts)
     numbering: dict[int, dict[str, int]] = {column: {} for column in wanted}
@@ -362,7 +362,7 @@ def gather(
 
 
 def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Floats:
-    """Convert texts from a row on to numbers, NaN where blank; note others in `wrong`."""
+    """Convert texts from a row on to numbers, NaN where blank; add mistakes to `wrong`."""
 
     def note(what: str, k: int) -> None:
         first, text, count = wrong.get(what, (row + k, texts[k], 0))
@@ -393,7 +393,7 @@ def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
-    """Convert a column to numbers, NaN where blank; and the first row of each kind of mistake."""
+    """Convert a column to numbers, NaN where blank; also return the result of `_mistakes`."""
     wrong: Wrong = {}
     return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
@@ -406,25 +406,25 @@ def convert(
     names: Sequence[str],
     name_id: Callable[[str], str] = str.strip,
 ) -> Rows:
-    """Convert the fields of a file to rows; all mistakes in one error.
+    """Convert the fields of a file to rows; one error reports all mistakes.
 
     Parameters
     ----------
     fields : Fields
-        The columns.
+        Columns of the file.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     decimal : str
         Decimal mark.
     path, names
-        The file and its columns, for messages.
+        Path of the file and names of its columns, for messages.
     name_id : callable
-        Text of an id to its name.
+        Callable that converts the text of an id to its name.
 
     Raises
     ------
     InputError
-        An id is blank, a text is no number or no time, or infinite.
+        An id is blank, a text is not a number or not a time, or a number is infinite.
     """
 
     def where(row: int) -> str:
@@ -432,7 +432,7 @@ def convert(
 
     coded, lines = fields.coded, fields.lines
     problems: list[str] = []
-    of_weights: list[str] = []  # a column of this name may be no weight
+    of_weights: list[str] = []  # a column with this name may not be a weight
     ids = named_ids([coded[column] for column in (roles.id, *roles.more_ids)], name_id)
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":
@@ -463,7 +463,7 @@ def convert(
 
 
 def plain_id(text: str) -> str:
-    """Return an id as an integer, where a format without quotes has 3.0 or 3.000e+00."""
+    """Return an id as an integer if the text is 3.0 or 3.000e+00, as numeric programs write it."""
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text
@@ -471,8 +471,8 @@ def plain_id(text: str) -> str:
 
     try:
         if not math.isfinite(float(text)):
-            return "" if math.isnan(float(text)) else text  # NaN is no id
-        value = Decimal(text)  # float() makes one id of 9007199254740993.0 and ...992.0
+            return "" if math.isnan(float(text)) else text  # NaN is not an id
+        value = Decimal(text)  # float() would make 9007199254740993.0 and ...992.0 equal
         return str(int(value)) if value == value.to_integral_value() else text
     except (ValueError, ArithmeticError):
         return text

@@ -1,4 +1,4 @@
-"""Small files of text beside the tracks: a matrix of numbers, and weights of steps."""
+"""Small text files for an evaluation: a matrix of numbers, and weights of steps."""
 
 import csv
 
@@ -11,7 +11,7 @@ from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
 from tgospa_eval.formats.headers import FIRST_ALIASES
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.lines import check_text, decode, numbers
-from tgospa_eval.text import quoted
+from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.weights import WeightsByTime, repeated
 
 MATRIX_NEEDED = "a matrix d x d is needed, without header"
@@ -19,12 +19,12 @@ WEIGHTS_HEADER = "t,weight[,switch_weight]"
 
 
 def read_matrix(path: str, decimal: str) -> list[list[float]]:
-    """Read a square matrix: CSV without header, delimited by comma, semicolon or tab.
+    """Read a square matrix from CSV without a header, delimited by comma, semicolon or tab.
 
     Raises
     ------
     InputError
-        The file is missing or unreadable, a field is no number, the matrix is not square.
+        The file is missing or unreadable, a field is not a number, or the matrix is not square.
     """
     data = unpack(load(path), path)
     lines, rows = rows_of(data, path, decimal) if data.strip() else ([], [])
@@ -46,12 +46,12 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
 
 
 def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
-    """Read what each step counts: one row per step, delimited by comma, semicolon or tab.
+    """Read the weights of steps: one row per step, delimited by comma, semicolon or tab.
 
     Raises
     ------
     InputError
-        The file is missing, has other columns, a row is wrong, or a time is a duplicate.
+        The file is missing or has other columns, a row is wrong, or a time is a duplicate.
     """
     lines, rows = rows_of(unpack(load(path), path), path, decimal, even=True)
     names = [name.strip().lower() for name in rows[0]] if rows else []
@@ -102,7 +102,7 @@ def rows_of(
 ) -> tuple[list[int], list[list[str]]]:
     """Return the line and fields of each row; the first row decides the delimiter.
 
-    `even`: it is a header, and all others have as many fields.
+    With `even`, the first row is a header, and all rows must have as many fields.
     """
     check_text(data, path)
     text = decode(data, path)

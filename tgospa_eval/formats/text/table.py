@@ -1,22 +1,22 @@
-"""Tables of text, one row per object and step: CSV, MOTChallenge, VisDrone and KITTI.
+"""Tables of text with one row per object and step: CSV, MOTChallenge, VisDrone and KITTI.
 
-CSV is ``id,t,x[,y[,z]]`` and other columns, with a header. It is parsed here and not by pandas, for
+CSV has a header, ``id,t,x[,y[,z]]`` and other columns. It is parsed here instead of by pandas, for
 exact floats, exact integers, messages that name the line, and a start without importing pandas.
-What the compiled loop leaves is split here, by the csv module.
+Tables that the compiled loop cannot read are split by the csv module.
 
-The others have no header: the names of the columns follow from their number.
+The other formats have no header. The number of fields decides the names of the columns.
 
-MOTChallenge: ``frame,id,left,top,width,height[,conf[,...]]``. Column 7 is a flag in truth, 0 for
-what is not to be considered, and a score in results. What follows depends on the number of fields:
-class and visibility (8 or 9), or a place in space (10).
+MOTChallenge: ``frame,id,left,top,width,height[,conf[,...]]``. Column 7 is a score in results and a
+flag in the truth, where 0 means that the object is not considered. Further columns depend on the
+number of fields: class and visibility (8 or 9), or a position in space (10).
 
-VisDrone: ``frame,id,left,top,width,height,score,class,truncation,occlusion``. In truth the score is
-a flag, 0 for what is not to be considered; in results truncation and occlusion are -1. Classes are
-numbers, read by their names.
+VisDrone: ``frame,id,left,top,width,height,score,class,truncation,occlusion``. In the truth the
+score is a flag, where 0 means that the object is not considered. In results truncation and
+occlusion are -1. Classes are numbers, which are converted to names.
 
-KITTI: 17 fields separated by blanks, 18 with a score. The image box is given by its edges; sizes
-and places in space are in metres, in the coordinates of the camera. Truth and results are read
-alike.
+KITTI: 17 fields separated by blanks, or 18 with a score. Columns have the edges of the image box,
+and sizes and positions in space in metres, in the coordinates of the camera. Truth and results
+have the same columns.
 """
 
 import csv
@@ -54,24 +54,24 @@ from tgospa_eval.formats.text.lines import (
     plain_id,
     scanned,
 )
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 DELIMITERS = ",;\t"
 
 DECIMAL = r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?"
 GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
-"""Numbers whose mark may be one between thousands."""
+"""Pattern of numbers whose mark may separate thousands."""
 
 FIELDS_BY_BLANKS = re.compile(r'"([^"\n]*)"|([^ \t\n]+)')
 
 LINES_ASIDE = 4
-"""Lines of titles, names or units, above or below a header."""
+"""Largest number of lines of titles, names or units above or below a header."""
 
 WORD = re.compile(r"[^\d\s+.,-].*[^\W\d_].*|[^\W\d_].*|[^\w\s+.,-]")
-"""The name or the unit of a column, also in brackets: no number, and no time."""
+"""Pattern of a name or unit of a column, also in brackets, but not of a number or time."""
 
 FEWEST = 3
-"""Columns of a table by blanks: id, t and x."""
+"""Least number of columns of a table by blanks: id, t and x."""
 
 
 def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -80,7 +80,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     Raises
     ------
     InputError
-        See `formats.read`.
+        An error of `formats.read`.
     """
     check_text_memory(path, data, options.max_input)
     check_text(data, path)
@@ -112,12 +112,12 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
 def header_of(
     text: str, path: str, options: ReadOptions, *, wide: bool = False
 ) -> tuple[list[str], Roles, str, int, int]:
-    """Find the header: headers, roles, delimiter, and the number and begin of the next line.
+    """Find the header; return headers, roles, delimiter, and number and begin of the first row.
 
-    It is the first line that is understood as one, also if it begins like a comment. Comments, and
-    a few lines of other length than the rows, may be above it; lines of units and names below it.
+    The header is the first line that is understood as one, also if it begins like a comment. Above
+    it may be comments and a few lines of titles, below it a few lines of units or names.
     """
-    faults: dict[int, InputError] = {}  # by number of fields; the first line is the likeliest
+    faults: dict[int, InputError] = {}  # by number of fields; the first is the likeliest header
     comments = skipped = 0
     for number, match in enumerate(re.finditer(r".*\n?", text), start=1):
         line, start = match[0].removesuffix("\n"), match.end()
@@ -140,7 +140,7 @@ def header_of(
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
         except (InputError, csv.Error) as error:
-            # Say what the line looks like, unless it is a header with other names.
+            # The message describes the line, unless the line is a header with other names.
             why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             if are_numbers(fields) and not foreign(line):
                 why = without_header(fields, options.option, "").removeprefix(": ")
@@ -150,7 +150,7 @@ def header_of(
                 mistake = error if is_named else mistake
                 row = _fields(after, delimiter)
                 if len(row) == len(names) > 1 and any(map(is_number, row)):
-                    raise faults.get(len(names), error) from None  # no other line is the header
+                    raise faults.get(len(names), error) from None  # a row follows the header
             is_comment = line.lstrip().startswith(COMMENTS)
             faults.setdefault(-1 if is_comment else len(names), mistake)
             comments, skipped = comments + is_comment, skipped + (not is_comment)
@@ -178,9 +178,9 @@ def header_of(
 def _lines_of_units(
     text: str, start: int, width: int, delimiter: str, roles: Roles
 ) -> tuple[int, int]:
-    """Return the lines of units below the header, and where rows begin.
+    """Return the number of lines of units below the header, and the begin of the rows.
 
-    None if no row follows: then they are rows with mistakes.
+    The number is 0 if no row follows, as then these lines are rows with mistakes.
     """
     state = {column for mix in roles.state for column, _ in mix}
     count, begin = 0, start
@@ -196,14 +196,14 @@ def _lines_of_units(
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    """Split a line into its fields; none if its quotes are wrong."""
+    """Split a line into its fields; return an empty list if its quotes are wrong."""
     with suppress(csv.Error):
         return next(split_rows([line], delimiter), [])
     return []
 
 
 def _delimiter(header: str, decimal: str) -> str:
-    """Return the most frequent delimiter outside quotes; the decimal mark only if it is alone."""
+    """Return the most frequent delimiter outside quotes; the decimal mark is the last choice."""
     plain = _unquoted(header)
     return max(
         DELIMITERS,
@@ -212,10 +212,10 @@ def _delimiter(header: str, decimal: str) -> str:
 
 
 def header_by_blanks(line: str, after: str) -> list[str]:
-    """Return the headers in a line of a table by blanks; none if it is no such line.
+    """Return the headers in a line of a table by blanks; an empty list for any other line.
 
-    So numpy.savetxt writes tables, and the trajectories of robotics. A comment mark in front is
-    left out if the line after has as many words: else it is a comment.
+    numpy.savetxt and programs of robotics write such tables. A comment mark at the beginning is
+    left out if the next line has as many words; otherwise the line is a comment.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
@@ -227,13 +227,13 @@ def header_by_blanks(line: str, after: str) -> list[str]:
 
 
 def _split_at_blanks(line: str) -> list[str]:
-    """Split a line of a table at blanks; a comment is one field."""
+    """Split a line of a table at blanks; a line that begins with a comment mark is one field."""
     fields = [within or plain for within, plain in FIELDS_BY_BLANKS.findall(line)]
     return [line] if fields and fields[0] in COMMENTS else fields
 
 
 def _unquoted(line: str) -> str:
-    """Return a line without what is in quotes."""
+    """Return a line without the parts in quotes."""
     return re.sub(r'"[^"]*"', "", line) if '"' in line else line
 
 
@@ -245,12 +245,12 @@ def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
 
 
 def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tuple[Roles, str]:
-    """Return the decimal mark of the first rows; a notice in the roles if it is not the given one.
+    """Return the decimal mark of the first rows, and the roles with a notice if it is another one.
 
-    It is another one only if no number has the one asked for and some have that for certain: 1,250
-    and 1.250 may have a mark between thousands.
+    The other mark is returned only if no number has the requested mark, and a number has the other
+    mark for certain: in 1,250 and 1.250 the mark may separate thousands.
     """
-    columns = {roles.time, *roles.numbers} - {roles.weight}  # which may be no weight
+    columns = {roles.time, *roles.numbers} - {roles.weight}  # the column may not be a weight
     other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
         return roles, requested
@@ -273,14 +273,14 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
 # Formats without a header.
 
 Layouts = Mapping[int, tuple[str, ...]]
-"""Names of the columns by the number of fields, first those of an empty file."""
+"""Names of the columns by the number of fields; the first entry is for an empty file."""
 
 MOT_FIELDS = ("frame", "id", *BOX, "conf", "class", "visibility")
 MOT_LAYOUTS = {width: MOT_FIELDS[:width] for width in (9, 6, 7, 8)}
 MOT_LAYOUTS[10] = (*MOT_FIELDS[:7], "loc_x", "loc_y", "loc_z")
 MOT_RULE = "MOTChallenge text has 6 to 10: frame,id,left,top,width,height,conf,..."
 MOT_UNKNOWN = -1.0
-"""Each coordinate of a place in space that is not known."""
+"""Value of each coordinate of an unknown position in space."""
 
 VISDRONE_FIELDS = ("frame", "id", *BOX, "score", "class", "truncation", "occlusion")
 VISDRONE_RULE = f"VisDrone tracks have 10: {','.join(VISDRONE_FIELDS)}"
@@ -290,9 +290,9 @@ CATEGORIES = (
 )
 """Names of the classes 0 to 11."""
 IGNORED, *NOT_EVALUATED = AS_REGIONS
-"""Types of KITTI, and of VisDrone, that are no objects to be tracked."""
+"""Types of KITTI and classes of VisDrone that are not tracked."""
 UNCLASSED = "-1"
-"""Class of trackers that tell none apart."""
+"""Class in results of trackers without classes."""
 
 KITTI_FIELDS = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
@@ -315,14 +315,14 @@ def read_motchallenge(
     Raises
     ------
     InputError
-        See `formats.read`.
+        An error of `formats.read`.
     """
     flagged = ("conf",) if role == "truth" else ()
     rows, texts = _read(path, data, options, MOT_LAYOUTS, MOT_RULE, flagged, given=given)
     _refuse_detections(rows)
     _leave_out_unknown(rows, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
-        # Results of some trackers fill the columns with -1.
+        # Results of some trackers have only -1 in this column.
         missing = {**rows.roles.missing, "class": f"{path}: every class is -1, not known"}
         rows = replace(rows, classes=None, roles=replace(rows.roles, missing=missing))
     _leave_out_flagged(rows, texts, "conf", "0 in column 7")
@@ -335,7 +335,7 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
     Raises
     ------
     InputError
-        See `formats.read`; or a class is none of VisDrone.
+        An error of `formats.read`, or a class is not one of VisDrone.
     """
     texts_of = ("class", "score") if role == "truth" else ("class",)
     layouts = {len(VISDRONE_FIELDS): VISDRONE_FIELDS}
@@ -361,7 +361,7 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     Raises
     ------
     InputError
-        See `formats.read`.
+        An error of `formats.read`.
     """
     layouts = {width: KITTI_FIELDS[:width] for width in (17, 18)}
     rows, texts = _read(
@@ -390,16 +390,16 @@ def _read(
     Parameters
     ----------
     path, data
-        The file.
+        Path and bytes of the file.
     options : ReadOptions
-        Decimal marks are points whatever the options are.
+        Options of reading; the decimal mark is always a point.
     layouts, rule
-        Names of the columns, and what is said where the number of fields is none of these.
+        Names of the columns by the number of fields, and the message about other numbers.
     texts : tuple of str
-        Names of the columns to be returned as texts, as far as they are there.
+        Names of the columns to return as texts, if the file has them.
     given : bool
-        Whether the user named the format: then a file without content is an empty set. There is
-        no other way to write one without a header.
+        Whether the user named the format. Then a file without content is an empty set, which cannot
+        be written in another way without a header.
     commas : bool
         Whether fields may be separated by commas instead of blanks.
 
@@ -449,7 +449,7 @@ def _read(
 
 
 def _first_line(text: str) -> tuple[int, str]:
-    """Return the first line that is not blank, and its number."""
+    """Return the number of the first line with content that is not a comment, and the line."""
     for number, line in enumerate(lines_of(text), start=1):
         if line.strip() and not line.lstrip().startswith(COMMENTS):
             return number, line
@@ -457,12 +457,12 @@ def _first_line(text: str) -> tuple[int, str]:
 
 
 def _refuse_detections(rows: Rows) -> None:
-    """Refuse boxes of which none has an id.
+    """Check that some rows have an id.
 
     Raises
     ------
     InputError
-        So it is.
+        The id of all rows is -1.
     """
     if list(rows.ids[0]) == ["-1"]:
         raise InputError(
@@ -471,7 +471,7 @@ def _refuse_detections(rows: Rows) -> None:
 
 
 def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: str) -> None:
-    """Set rows apart whose number in a column is 0, if it is among the texts."""
+    """Exclude rows whose number in a column is 0, if the column is among the texts."""
     if name not in texts:
         return
     column = texts[name]
@@ -485,12 +485,12 @@ def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: 
 
 
 def _leave_out_unknown(rows: Rows, unknown: float) -> None:
-    """Set rows apart whose place in space is not known, if the states are places.
+    """Exclude rows whose position in space is unknown, if the states are such positions.
 
     Raises
     ------
     InputError
-        None is known.
+        All positions are unknown.
     """
     place = [
         k
@@ -511,12 +511,12 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
 
 
 def _category(texts: Coded, rows: Rows) -> Coded:
-    """Return the names of classes that are numbers; blank where no class is known.
+    """Return the names of numbered classes; the name of an unknown class is blank.
 
     Raises
     ------
     InputError
-        One is no class.
+        A number is not a class.
     """
     known = {str(number): name for number, name in enumerate(CATEGORIES)} | {UNCLASSED: ""}
     names = [known.get(plain_id(text)) for text in texts.distinct]
@@ -525,7 +525,7 @@ def _category(texts: Coded, rows: Rows) -> Coded:
         at = np.flatnonzero(wrong[texts.code])
         row = int(at[0])
         raise InputError(
-            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is no class of '
+            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is not a class of '
             f"VisDrone{more(len(at))}; these are 0 to {len(CATEGORIES) - 1}, or -1 for none"
         )
     return Coded([name or "" for name in names], texts.code)

@@ -1,8 +1,8 @@
-// What the pictures share: the selection, the range of steps, colours, canvases.
+// Shared by all pictures: the selection, the range of steps, colours and canvases.
 const state = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
 const RIGHT = 10, FOOT = 40;
-let LEFT = 74, BESIDE = 65; // room for the names of lanes, and for the values of an axis and its name
-const PAPER = 690; // CSS pixels between the margins of a page
+let LEFT = 74, BESIDE = 65; // room for names of lanes, and for the values and name of an axis
+const PAPER = 690; // CSS pixels between the margins of a printed page
 let style = null;
 
 function colour(name) {
@@ -60,7 +60,7 @@ function pattern(context, name) {
 }
 const fillOf = (context, name) => name === "missed" || name === "false" ? pattern(context, name) : colour(name);
 
-// A context in CSS pixels with a clean canvas of the given height.
+// Context in CSS pixels, with a clean canvas of the given height.
 function prepare(canvas, height) {
   const width = printing ? PAPER : canvas.clientWidth || canvas.parentElement.clientWidth, ratio = Math.max(devicePixelRatio, printing ? 2 : 1);
   canvas.width = Math.round(width * ratio);
@@ -74,13 +74,13 @@ function prepare(canvas, height) {
   return [context, width, height];
 }
 
-// As wide as the lanes, which may have a scroll bar: one step is above the other.
+// The width is that of the lanes, which may have a scroll bar, so that steps are above one another.
 function alignWithLanes(canvas) {
   const width = lanes.canvas.clientWidth;
   canvas.style.width = printing || !width ? "" : `${width}px`;
 }
 
-// As wide as the names of the lanes and the values of the axes need, but not more than a quarter for names.
+// Margins fit the names of lanes and the values of axes; names get at most a quarter of the width.
 function fitMargin() {
   const context = costs.canvas.getContext("2d"), width = printing ? PAPER : lanes.canvas.clientWidth || costs.canvas.clientWidth;
   const shown = [total, doc.curve.total, ...(doc.windows ? [doc.windows.lines.total] : [])];
@@ -102,7 +102,7 @@ function drawNow() {
   for (const view of views) view.draw();
 }
 
-// Where each step begins and ends: between it and its neighbours, beside a gap as beside a neighbour.
+// Begin and end of each step: halfway to its neighbours, and next to a gap half the typical distance.
 const [begins, ends] = (() => {
   const gaps = [...moments.keys()].slice(1).map((k) => moments[k] - moments[k - 1]);
   const usual = [...gaps].sort((a, b) => a - b)[Math.floor(0.9 * (gaps.length - 1))] ?? 1;
@@ -127,12 +127,12 @@ function niceSteps(low, high, count) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const size = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
   const ticks = [];
-  // By number, for a step may be less than the last digit of a large value.
+  // Ticks are computed from their number, because a step may be below the last digit of a large value.
   for (let k = 0, first = Math.ceil(low / size) * size; k <= 2 * count + 2 && first + k * size <= high + size * 1e-9; k++) ticks.push(first + k * size);
   return ticks;
 }
 
-// A value of an axis with as many digits as tell it from the next one.
+// Text of a value on an axis, with enough digits to distinguish it from the next value.
 function tick(value, ticks) {
   const size = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(value) || 1;
   if (Math.abs(value) >= 1e9 || size < 1e-6) return number(value);
@@ -140,9 +140,9 @@ function tick(value, ticks) {
   return Number(value.toFixed(digits)) === 0 ? "0" : grouped(value, digits);
 }
 
-// Numbers that were computed, as 0.1 + 0.2, lose the digits that are rounding.
+// Computed numbers, such as 0.1 + 0.2, lose the digits that come from rounding.
 const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
-// Of times that are texts what is the same in all, as the date.
+// Length of the common beginning of times that are texts, such as the date.
 const shared = (() => {
   const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
   if (steps < 2 || typeof doc.times[0] === "number") return 0;
@@ -151,7 +151,7 @@ const shared = (() => {
   return Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
 })();
 
-// Round times between two on the axis: places, names, and what the axis is called (plots/clock.py).
+// Positions and names of round times between two ends, and the name of the axis (show/time_axis.py).
 const DAY = 86400;
 const CLOCK = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, ...[1, 2, 5, 7, 14, 28, 91, 182, 364].map((days) => days * DAY)];
 function timeTicks(low, high, count) {
@@ -207,7 +207,7 @@ function timeAxis(context, width, bottom) {
   context.fillText(title, LEFT + room / 2, bottom + 30);
 }
 
-// The name of the upright axis, beside it.
+// Name of the vertical axis, next to it.
 function upright(context, text, top, bottom) {
   context.save();
   context.translate(LEFT - BESIDE, (top + bottom) / 2);
@@ -241,7 +241,7 @@ function chosenStep(context, width, top, bottom) {
 
 function clipped(context, text, width) {
   if (context.measureText(text).width <= width) return isolate(text);
-  // The end of an id tells more than its middle.
+  // The end of an id distinguishes more than its middle.
   const short = (size) => `${text.slice(0, Math.floor(size / 3))}…${text.slice(text.length - Math.ceil(size * 2 / 3))}`;
   let size = Math.min(text.length, 40);
   while (size > 1 && context.measureText(short(size)).width > width) size--;
@@ -258,7 +258,7 @@ function showTip(event, text) {
   tip.style.top = `${event.clientY + box.height + 24 > innerHeight ? event.clientY - box.height - 10 : event.clientY + 16}px`;
 }
 
-// Clicks choose, drags give a range of steps: for all pictures over time.
+// For all pictures over time: a click selects a step, a drag selects a range of steps.
 function timePointer(canvas, describe, choose) {
   let begin = null;
   canvas.addEventListener("pointerdown", (event) => { if (event.button === 0) begin = event.offsetX; });
@@ -277,7 +277,7 @@ function timePointer(canvas, describe, choose) {
   canvas.addEventListener("dblclick", () => setRange(0, steps - 1));
 }
 
-// Keys with Ctrl, Alt or Cmd belong to the browser: its zoom, its way back.
+// Keys with Ctrl, Alt or Cmd belong to the browser, for its zoom and history.
 const taken = (event) => event.ctrlKey || event.metaKey || event.altKey;
-const bigger = ({ key }) => key === "+" || key === "="; // without Shift on many keyboards
+const bigger = ({ key }) => key === "+" || key === "="; // "=" is "+" without Shift on many keyboards
 const smaller = ({ key }) => key === "-" || key === "_";

@@ -1,7 +1,7 @@
 // Stacked cost of each step, and the normalised cumulative cost.
 const costs = {
   canvas: document.getElementById("costs"),
-  // Where there are more steps than pixels the dearest of each pixel stands for it, also in a click.
+  // With more steps than pixels each pixel shows its costliest step, which a click also selects.
   together: (width) => Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT))),
   dearest(step, width) {
     const size = this.together(width), first = step - (step - state.from) % size;
@@ -21,7 +21,7 @@ const costs = {
     for (let first = state.from; first <= state.to; first += together) {
       const step = this.dearest(first, width);
       const begin = left(first, width), end = right(Math.min(first + together - 1, state.to), width), fine = end - begin < 4;
-      // Thin bars begin and end at pixels, else they show a pattern that is not in the data.
+      // Thin bars begin and end at pixels. Otherwise they show a pattern that is not in the data.
       const x = fine ? Math.floor(begin) : begin, wide = fine ? Math.max(Math.floor(end) - x, 1) : end - begin;
       let y = bottom;
       for (const name of PARTS) {
@@ -54,7 +54,7 @@ const costs = {
   },
 };
 
-// A line for each part and for the total: values at moments, of which those of [low, high] are in the range.
+// A line for each part and for the total: values at times, drawn if their time is in [low, high].
 function drawLines(canvas, { at, values, low, high, title }) {
   alignWithLanes(canvas);
   const [context, width, height] = prepare(canvas, 180), top = 8, bottom = height - FOOT;
@@ -72,7 +72,7 @@ function drawLines(canvas, { at, values, low, high, title }) {
     const point = (k) => [across(at(k), width), bottom - values[name][k] / most * (bottom - top)];
     for (let k = low; k < high; k += stride) context.lineTo(...point(k));
     context.lineTo(...point(high));
-    if (low === high) context.arc(...point(high), 3, 0, 7); // one point is no line
+    if (low === high) context.arc(...point(high), 3, 0, 7); // a single point needs a mark
     context.stroke();
   }
   context.setLineDash([]);
@@ -93,7 +93,7 @@ const curve = {
 const windows = doc.windows && {
   canvas: document.getElementById("windows"),
   middle: (k) => (moments[doc.windows.first[k]] + moments[doc.windows.last[k]]) / 2,
-  // Windows whose middle is in the range.
+  // Only windows whose middle is in the range are shown.
   shown() {
     const count = doc.windows.first.length;
     let low = 0, high = count - 1;
@@ -116,7 +116,7 @@ const windows = doc.windows && {
   },
 };
 
-// NEES of each step over its band, with gaps where no pair has any; below it the ranks of particles.
+// NEES of each step over its band, with gaps at steps without pairs; below it the ranks of particles.
 const nees = doc.nees && {
   canvas: document.getElementById("nees"),
   words(step) {

@@ -1,8 +1,8 @@
-// Pointer, touch, wheel and keys in the plane. One finger scrolls the page, two move and zoom.
+// Pointer, touch, wheel and keys in the plane. One finger scrolls the page, two fingers move and zoom.
 {
   let grip = null, moved = false;
   const { canvas } = plane, fingers = new Map();
-  // Middle of two fingers, and how far they are apart.
+  // Middle of two fingers, and the distance between them.
   const pinch = () => {
     const [[x0, y0], [x1, y1]] = fingers.values();
     return { x: (x0 + x1) / 2, y: (y0 + y1) / 2, apart: Math.max(Math.hypot(x1 - x0, y1 - y0), 1) };

@@ -1,5 +1,5 @@
-// A lane for each truth, below them one for each estimate with false steps; what is scrolled to is drawn.
-const FOLDED = 40; // truths from which on those without any event are folded
+// A lane for each truth, then one for each estimate with false steps; only visible lanes are drawn.
+const FOLDED = 40; // number of truths above which those without events are hidden
 const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
@@ -32,7 +32,7 @@ const lanes = {
     this.rows = rows;
     this.tall = rows.length > 80 ? 15 : 20;
   },
-  // Pixels of the longest name, as it is where it is chosen.
+  // Width of the longest name in pixels, in the bold type of a selected lane.
   widest() {
     if (this.names) return this.names;
     const labels = this.rows.filter((row) => !row.title).map(({ side, track }) => side.label[track]);
@@ -60,7 +60,7 @@ const lanes = {
 
   draw() {
     const whole = this.rows.length * this.tall + FOOT;
-    // In print there is no scrolling: as many lanes as fit a page.
+    // A printed page cannot scroll, so it has as many lanes as fit.
     const shown = Math.min(whole, printing ? 720 : 480);
     this.box.style.height = printing ? "auto" : `${shown + 2}px`;
     document.getElementById("lanes-space").style.height = `${printing ? 0 : whole - shown}px`;
@@ -125,7 +125,7 @@ const lanes = {
       context.fillRect(x, truth ? y + 2 : middle - 2.5, wide, high);
     }
     if (truth) this.drawErrors(context, side, track, y, width);
-    // What is wrong comes last and is never thinner than a pixel and a half.
+    // Unassigned steps are drawn last, and never thinner than 1.5 pixels.
     const crowded = span() > 1.5 * (width - LEFT - RIGHT);
     if (crowded) this.drawShares(context, run, inside, truth ? "missed" : "false", y, width);
     for (const r of crowded ? [] : inside) {
@@ -166,7 +166,7 @@ const lanes = {
     if (truth) for (const k of switchesOf.truth.get(track) || []) this.drawSwitch(context, k, y, width);
   },
 
-  // Error as a share of the cutoff: a darker part at the foot of the bar.
+  // Error relative to the cutoff, as a darker part at the foot of the bar.
   drawErrors(context, side, track, y, width) {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
@@ -186,7 +186,7 @@ const lanes = {
     if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
   },
 
-  // Where there are more steps than pixels: how many of those of a pixel are wrong, as a height.
+  // With more steps than pixels, the height is the share of unassigned steps of each pixel.
   drawShares(context, run, inside, name, y, width) {
     const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
     for (const r of inside) {

@@ -1,4 +1,4 @@
-// What is selected, where it is kept (the address), and the buttons that change it.
+// The selection, its storage in the address, and the buttons that change it.
 function address({ step = null, side = null, track = null, repair = null, from = 0, to = steps - 1 }) {
   const parts = [];
   if (repair !== null) parts.push(`repair=${repair + 1}`);
@@ -49,7 +49,7 @@ function refresh() {
   redraw();
 }
 
-// Change what is selected; what is not named stays.
+// Change the selection; values that are not given stay.
 function choose(change) {
   Object.assign(state, "track" in change ? { repair: null } : {}, change);
   if (state.step !== null && (state.step < state.from || state.step > state.to)) {
@@ -57,7 +57,7 @@ function choose(change) {
     Object.assign(state, { from, to: from + size - 1 });
   }
   const hash = `#${address(state)}`;
-  // A step after another of the same kind replaces it, so that going back leaves what was looked at.
+  // The entry in the history is replaced, so that going back leaves the page.
   if (hash !== location.hash) history.replaceState(null, "", hash === "#" ? location.pathname + location.search : hash);
   refresh();
 }
@@ -93,7 +93,7 @@ document.getElementById("step").addEventListener("change", (event) => {
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") act("clear"); });
 addEventListener("hashchange", () => { if (location.hash !== "#main") { readAddress(); refresh(); } });
 addEventListener("resize", redraw);
-// Widths change with scroll bars, too.
+// Widths also change with scroll bars.
 const resized = new ResizeObserver(redraw);
 for (const view of [lanes.box, plane.canvas]) resized.observe(view);
 const forget = () => { style = null; patterns.clear(); plane.drawn = null; };
@@ -128,7 +128,7 @@ async function begin() {
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);
   fitMargin();
-  lanes.draw(); // once before, for lanes are scrolled to when they have a height
+  lanes.draw(); // first, because scrolling to a lane needs the heights
   refresh();
   drawNow();
   document.documentElement.dataset.ready = "yes";

@@ -1,16 +1,16 @@
-// Trajectories in any two of the state columns, in the range of steps that is shown.
-const GROUPED = 1500; // events from which on marks stand for several
-const CELL = 12; // pixels
-const COVERED = 0.08; // share of the plane that marks of one kind cover at most
-const NAMED = 30; // most tracks with their ids
-const FAINT = 50; // tracks from which on lines are fainter
+// Trajectories in any two of the state columns, in the selected range of steps.
+const GROUPED = 1500; // number of events above which a mark means several events
+const CELL = 12; // size in pixels of the cells in which marks are grouped
+const COVERED = 0.08; // largest share of the plane that marks of one kind cover
+const NAMED = 30; // largest number of tracks with their ids
+const FAINT = 50; // number of tracks above which lines are fainter
 const plane = {
   canvas: document.getElementById("plane"),
   axisX: document.getElementById("axis-x"),
   axisY: document.getElementById("axis-y"),
   downward: document.getElementById("downward"),
   equal: document.getElementById("equal"),
-  view: null, // centre and pixels per unit of either axis
+  view: null, // centre, and pixels per unit of each axis
   mark: 1, // size of marks
   crowded: false,
   kept: document.createElement("canvas"),
@@ -22,14 +22,14 @@ const plane = {
     });
     const across = doc.boxes ? doc.columns.length : doc.columns.includes("lon") ? doc.columns.indexOf("lon") : 0;
     const up = doc.boxes ? across + 1 : doc.columns.includes("lat") ? doc.columns.indexOf("lat") : 1;
-    // What has one column is shown over time.
+    // States with one column are shown over time.
     [this.axisX.value, this.axisY.value] = doc.columns.length > 1 ? [across, up] : [TIME, 0];
     this.downward.checked = doc.boxes;
     this.scales();
     document.getElementById("plane-section").hidden = !doc.columns.length;
   },
 
-  // A metre is as long across as up, where both are lengths, or both angles of a map.
+  // Axes have equal scales if both are lengths, or both are angles of a map.
   scales() {
     const names = this.shownNames(), angles = names.filter((name) => name === "lat" || name === "lon");
     this.equal.checked = !names.includes(axisNames[TIME]) && angles.length !== 1;
@@ -38,7 +38,7 @@ const plane = {
     return [this.axisX, this.axisY].map((select) => axisNames[select.value]);
   },
 
-  // All tracks of a side, or those that the selection is about.
+  // Tracks of a side that the selection is about, or null for all tracks.
   chosenTracks(name) {
     if (state.track === null) return null;
     if (about) return about[name];
@@ -69,7 +69,7 @@ const plane = {
     const size = [this.canvas.clientWidth - 70, this.canvas.clientHeight - 50];
     const scale = [0, 1].map((axis) => Math.max(size[axis], 40) / (high[axis] - low[axis] || 1) * 0.94);
     if (this.equal.checked) {
-      // A degree of longitude is shorter than one of latitude.
+      // A degree of longitude is shorter than a degree of latitude.
       const long = this.shownNames().map((name) => (name === "lon" ? 1 / (doc.stretch ?? 1) : 1));
       const least = Math.min(scale[0] / long[0], scale[1] / long[1]);
       for (const axis of [0, 1]) scale[axis] = least * long[axis];
@@ -101,7 +101,7 @@ const plane = {
       shapes.note();
   },
 
-  // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
+  // Content that does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
     const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, shapes.dots.checked, printing];
     const drawn = JSON.stringify([this.view, state.from, state.to, state.step === null, state.side, state.track, state.repair, this.canvas.width, ways]);
@@ -122,7 +122,7 @@ const plane = {
     context.beginPath();
     context.rect(56, 4, width - 60, height - 30);
     context.clip();
-    // Smaller and thinner marks where they would hide one another.
+    // Marks become smaller and thinner if they would hide one another.
     let count = 0;
     for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + (doc.counts.switch?.[k] ?? 0);
     this.crowded = count >= 400;
@@ -178,7 +178,7 @@ const plane = {
     return places.map((value) => [value, tick(value, places)]);
   },
 
-  // A line for each stretch of steps; points near the last are left out, of faded lines more of them.
+  // A line for each stretch of steps. Points close to the last point are left out, more in faded lines.
   lines(context, side, only, width, height) {
     const { row } = side, [xs, ys] = this.coordinates(side), truth = side.name === "truth";
     context.lineJoin = "round";
@@ -194,7 +194,7 @@ const plane = {
       const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
       for (let k = from; k < to; k++) {
         const [x, y] = this.place(xs[k], ys[k], width, height);
-        // Rows between which the track exists throughout are joined, however many are left out.
+        // Rows are joined if the track exists at all steps between them, even if those are left out.
         const joined = row.step[k] - lastStep <= 1 || (row.step[k] - lastStep <= doc.stride && lastStep >= 0);
         if (!joined) {
           if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
@@ -217,7 +217,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // Heads of arrows where tracks end; ids there of estimates, of truths where they begin. Of many those that cost most.
+  // Arrowheads and ids of estimates at ends of tracks, ids of truths at begins; only the costliest tracks.
   ends(context, side, only, width, height) {
     const [xs, ys] = this.coordinates(side), truth = side.name === "truth", taken = [];
     const tracks = [...Array(side.count).keys()].filter((k) => !only || only.has(k));
@@ -247,7 +247,7 @@ const plane = {
     }
   },
 
-  // What exists at one step and not at the next is no line.
+  // A stretch of a single step is a dot.
   dot(context, x, y) {
     context.moveTo(x + 1.5, y);
     context.arc(x, y, 1.5, 0, 7);
@@ -297,7 +297,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // A mark for each kind and place, whose area is the number of events there.
+  // A mark for each kind and place, with an area for the number of events there.
   groups(context, width, height) {
     const byKind = { missed: new Map(), false: new Map(), switch: new Map() };
     const add = (name, x, y) => {
@@ -340,7 +340,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // The selected step: where everything is, and what is assigned to what.
+  // The selected step: all states, and the assigned pairs.
   moment(context, width, height) {
     const places = { truth: new Map(), estimate: new Map() };
     const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
@@ -393,7 +393,7 @@ const plane = {
       context.stroke();
     }
     context.globalAlpha = 1;
-    // Names of all where there is room, else of what is selected and whom it is assigned to.
+    // Names of all tracks if there is room, otherwise of the selected track and its partner.
     const few = places.truth.size + places.estimate.size <= 60, named = { truth: new Set(), estimate: new Set() };
     if (!few && state.track !== null) {
       const side = sides[state.side], r = runAt(side, state.track, state.step);
@@ -424,7 +424,7 @@ const plane = {
         if (row.step[k] < state.from || row.step[k] > state.to) continue;
         const [x, y] = this.place(xs[k], ys[k], width, height);
         let far = (x - event.offsetX) ** 2 + (y - event.offsetY) ** 2;
-        // Errors and selected tracks take precedence.
+        // Unassigned states and selected tracks take precedence.
         if (row.other[k] === NONE) far *= 0.6;
         if (only && !only.has(row.track[k])) far = far * 3 + 20;
         if (far < best) [best, nearest] = [far, { side, track: row.track[k], step: row.step[k] }];

@@ -1,7 +1,7 @@
-// Repairs of the estimate: a row selects the lanes of the tracks that its repair is about.
+// Repairs of the estimate: a row selects the lanes of the tracks of its repair.
 const { repairs } = doc;
 
-// The estimates that a repair changes, and the truths that they follow from just before it to just after.
+// Estimates that a repair changes, and the truths assigned to them from just before to just after it.
 function concerned(k) {
   const involved = { truth: new Set(), estimate: new Set(repairs.tracks[k]) }, { run } = sides.estimate;
   const from = repairs.from[k], to = repairs.to[k] === NONE ? from : repairs.to[k];
@@ -23,7 +23,7 @@ function selectRepair(k) {
   const [track] = repairs.tracks[k], whole = track === undefined;
   return { repair: k, side: whole ? null : "estimate", track: whole ? null : track, step: repairs.from[k] === NONE ? null : repairs.from[k] };
 }
-// Whether a lane belongs to what is selected.
+// Whether a lane belongs to the selection.
 function isChosen(name, track) {
   return about ? about[name].has(track) : state.side === name && state.track === track;
 }

@@ -1,13 +1,13 @@
-// What is around a state: its box, or the ellipse of the two components that are shown, and its particles.
-const CLOSE = 60; // states in view up to which all have their shapes
-const SPECK = 1.2; // radius of a particle of usual weight, in pixels
+// Shapes around a state: its box, or the ellipse of the two displayed components, and its particles.
+const CLOSE = 60; // number of states in view up to which all have shapes
+const SPECK = 1.2; // radius of a particle of average weight, in pixels
 const shapes = {
   control: document.getElementById("shapes"),
   dots: document.getElementById("particles"),
-  shownAlong: [0, 0], // shapes and particles along trajectories
+  shownAlong: [0, 0], // numbers of drawn shapes and particles along trajectories
   any: doc.boxes || Boolean(doc.spread.largest),
 
-  // A shape is known of these two columns, and it is wanted.
+  // Whether shapes in these two columns are known and requested.
   shown(across, up) {
     if (!this.control.checked) return false;
     if (doc.boxes) return (across === 0 && up === 1) || (across === doc.columns.length && up === across + 1);
@@ -24,7 +24,7 @@ const shapes = {
     return parts.length ? `Along trajectories, more where the view is nearer: ${parts.join("; ")}; and all of the selected step.` : "";
   },
 
-  // Deviations of two components at a step and the angle between them; on a line between those that the page has.
+  // Deviations of two components at a step, and the angle between them, interpolated between known rows.
   spread(side, spread, track, step, across, up) {
     const { row } = side;
     if (!spread) return null;
@@ -44,7 +44,7 @@ const shapes = {
     return s || t ? [s, t, i === TIME ? 0 : level(i * (i + 1) / 2 + j) / angle] : null;
   },
 
-  // The outline as points in the units of the columns, or null.
+  // Outline as points in the units of the columns, or null.
   outline(side, track, step, at, across, up) {
     if (!this.shown(across, up)) return null;
     if (doc.boxes) return [[0, 0], [1, 0], [1, 1], [0, 1]].map(([right, low]) => [at[0] + right * at[2], at[1] + low * at[3]]);
@@ -74,7 +74,7 @@ const shapes = {
     context.setLineDash([]);
   },
 
-  // The particles of a row that the page has; how many.
+  // Draw the particles of a row, and return their number.
   specks(context, side, k, across, up, width, height) {
     const { first, weight, axes } = side.particles, count = first[k + 1] - first[k];
     if (!this.dots.checked || across === up) return 0;
@@ -90,8 +90,8 @@ const shapes = {
     return count;
   },
 
-  // Along trajectories: of all states in view where these are few, else each as far from the last as
-  // both are large, of what is selected, or of few tracks.
+  // Shapes along trajectories: of all states in view if these are few. Otherwise they are spaced by
+  // the size of the larger shape, for the selection, or for few tracks.
   along(context, only, width, height) {
     const axes = [+plane.axisX.value, +plane.axisY.value], timed = axes.includes(TIME);
     const inside = (x, y) => x >= 56 && x <= width - 4 && y >= 4 && y <= height - 26;

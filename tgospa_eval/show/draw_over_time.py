@@ -1,4 +1,4 @@
-"""Pictures over time: stacked cost of each step, normalised cumulative cost, sliding windows."""
+"""Pictures over time: stacked cost of each step, cumulative cost, NEES, windows and lanes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -45,11 +45,11 @@ from tgospa_eval.show.time_axis import TimeAxis
 TINY = 1e-300
 
 MARGIN = 0.8
-"""Inches beside the axes, about."""
+"""Approximate width next to the axes, in inches."""
 
 
 def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw stacked bars of each step, or of the costliest of several."""
+    """Draw stacked bars of each step, or of the costliest of several steps."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
     names = dict(zip(parts, parts, strict=True))
@@ -65,10 +65,10 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     begin, end = begin[first], end[np.append(first[1:], data.steps) - 1] if data.steps else end
     base = np.zeros(len(first))
     handles = []
-    # outlines keep narrow bars visible
+    # Outlines keep narrow bars visible.
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if data.steps else ():
-        # A bar of no cost has no outline either.
+        # A bar without cost has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         looks = {"linewidth": thin, "label": names[name], **FILLS[name]}
@@ -78,7 +78,7 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     time_axis(axis, data, style)
     together = first[1] - first[0] if len(first) > 1 else 1
     if together > 1:
-        axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together:,} steps")
+        axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the costliest of {together:,} steps")
     if stretch > 1:
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the mean of {stretch:,} steps")
     cost_unit = power(data.document["unit"], data.document["order"])
@@ -89,7 +89,7 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def draw_nees(data: PlotData, style: Style) -> Figure | None:
-    """Draw NEES of each step with its band; below it of particles the ranks of the truth."""
+    """Draw the NEES of each step with its band, and below it the ranks among particles."""
     nees = data.document.get("nees")
     if nees is None:
         return None
@@ -127,7 +127,7 @@ def draw_nees(data: PlotData, style: Style) -> Figure | None:
 
 
 def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw the root of the mean cost of the steps up to each."""
+    """Draw the root of the mean cost of all steps up to each step."""
     values = {name: data.document["curve"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(data, style, data.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", data.about)
@@ -151,7 +151,7 @@ def _draw_lines(
 ) -> tuple[Figure, Axes]:
     """Draw a line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
-    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # a single point needs a mark
+    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # a mark shows a single point
     width = axis.spines["left"].get_linewidth() * 1.3  # the width of the style
     handles = []
     for part, line in values.items():
@@ -168,14 +168,14 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Return edges and values of consecutive bars, with gaps between those that do not touch."""
+    """Return edges and values of consecutive bars, with gaps between bars that do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
 def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False) -> None:
-    """Set the axis from the first step to the last, with times as labels."""
+    """Set the axis from the first to the last step, with times as labels."""
     begin, end = data.time.edges
     ends = (float(begin[0]), float(end[-1])) if data.steps else (-0.5, 0.5)
     name_times(axis, data.time, ends, style.width / (2 if upright else 1), upright=upright)
@@ -186,7 +186,7 @@ def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False
 def name_times(
     axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
-    """Set ends, ticks and name of a time axis in a picture of so many inches."""
+    """Set ends, ticks and name of a time axis in a picture of this width in inches."""
     letters = float(axis.xaxis.label.get_fontsize())
     characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
@@ -213,7 +213,7 @@ def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         "truths": _costliest(_costs(data.truth), data.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(data.estimate), data.estimate.ids, style.worst, parts),
     }
-    beside = style.wide  # a column of a journal has no room for three
+    beside = style.wide  # a column of a journal is too narrow for three
     if beside:
         made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
     else:
@@ -247,7 +247,7 @@ def _costs(side: SideData) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Return names and costs of the costliest, without those of no cost."""
+    """Return names and costs of the costliest items, without items of cost zero."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -262,13 +262,13 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Draw stacked bars from above, with sums at their ends; room for so many rows and words."""
+    """Draw stacked bars from above with their sums, with room for `rows` bars and for words."""
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # One artist for all bars: separate ones would make their hatches anew.
+            # One artist for all bars, because separate artists would draw their hatches again.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -287,19 +287,19 @@ def bars(
 
 
 # -------------------------------------------------------------------------------------------------
-# Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps.
+# Swim-lanes: a lane for each truth, then a lane for each estimate with false steps.
 
 VECTOR_SHAPES = 4000
-"""Shapes of a kind that are drawn as such in vector files; more become dots."""
+"""Largest number of shapes of a kind in vector files; more become dots."""
 
 MAX_NAMES = 400
-"""Names inside the lanes, at most."""
+"""Largest number of names inside the lanes."""
 
 HALF = 0.4
 """Half the height of a bar; lanes are 1 apart."""
 
 MANY = 40
-"""Tracks from which on those without any event share a lane."""
+"""Number of tracks above which tracks without events share a lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -308,16 +308,16 @@ class Lanes:
 
     Parameters
     ----------
-    side : DrawnSide
+    side : SideData
         The tracks.
     tracks : (L,) int array
-        Those with a lane of their own, from above.
+        Tracks with a lane of their own, from above.
     hidden : (K,) int array
-        Those that share the last lane.
+        Tracks that share the last lane.
     first : int
-        Place of the first lane; the words stand above it.
+        Position of the first lane; its title is above it.
     quiet : int
-        How many of the others have no miss and no switch.
+        Number of tracks in the last lane without missed targets and switches.
     """
 
     side: SideData
@@ -328,12 +328,12 @@ class Lanes:
 
     @property
     def end(self) -> int:
-        """Place below the last lane."""
+        """Position below the last lane."""
         return self.first + len(self.tracks) + bool(len(self.hidden))
 
     @property
     def title(self) -> str:
-        """The words above."""
+        """Title above the lanes."""
         count = len(self.tracks) + len(self.hidden)
         noun = "object" if self.side.name == "truth" else "estimate"
         word = noun + ("" if count == 1 else "s")
@@ -341,14 +341,14 @@ class Lanes:
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Return positions of the lanes; NaN for tracks without a lane of their own."""
+        """Return positions of the lanes, NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
 
 
 def draw_lanes(data: PlotData, style: Style) -> Figure:
-    """Draw a lane for each truth, and lanes of false tracks below."""
+    """Draw a lane for each truth, and below them the lanes of estimates with false steps."""
     truths = arranged(data.truth, np.arange(len(data.truth.ids)), style.lanes, 1)
     wrong = np.flatnonzero(np.asarray(data.estimate.table["unassigned_count"], float) > 0)
     estimates = arranged(data.estimate, wrong, style.lanes // 2, truths.end + 1)
@@ -359,7 +359,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(data.steps, 1), style.bars)
-    # the smallest visible width
+    # Smallest visible width in units of time.
     pixel = (
         (data.time.edges[1][-1] - data.time.edges[0][0] if data.steps else 1) / _room(style) * 0.8
     )
@@ -379,13 +379,13 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     handles |= _switches(axis, truths, data, style, columns)
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, data, style)
-    titled(axis, style, "Who followed whom", data.about)
+    titled(axis, style, "Estimates of each object", data.about)
     legend(made, list(handles.values()), list(handles), 4 if style.wide else 2)
     return made
 
 
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
-    """Return lanes in the order of the files; of many those with events or the costliest."""
+    """Return lanes in the order of the files; with many tracks those with events or high costs."""
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
     table = side.table
@@ -401,11 +401,11 @@ def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
-    """Add a collection to the axes; as dots if it is too large for a vector file."""
-    polygons: Any = corners  # as an array: ten times as fast as a list
+    """Add a collection to the axes, as dots if it is too large for a vector file."""
+    polygons: Any = corners  # an array is ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
-    made.set_in_layout(False)  # inside the axes: finding that out takes long
+    made.set_in_layout(False)  # lies inside the axes; checking is slow
     axis.add_collection(made, autolim=False)
     return made
 
@@ -413,10 +413,10 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
 def _bars(
     axis: Axes, lanes: Lanes, data: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
-    """Draw assigned stretches as bars and others as frames; return the legend's entries.
+    """Draw assigned stretches as bars and others as frames, and return entries of the legend.
 
-    Where there are more steps than can be distinguished, `whole` is false, and those that are not
-    are shown by `_shares`.
+    With more steps than can be distinguished, `whole` is false, and `_shares` draws the unassigned
+    steps.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
@@ -453,7 +453,7 @@ def _bars(
 
 
 def _room(style: Style) -> float:
-    """Return points across the lanes, about."""
+    """Return the approximate number of points across the lanes."""
     return (style.width - MARGIN) * 72
 
 
@@ -470,7 +470,7 @@ def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Return the lane and step of all that is unassigned, of lanes that are a number."""
+    """Return the lane and step of all unassigned states, for lanes that are not NaN."""
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
     length = run["end"][kept] - run["begin"][kept] + 1
@@ -479,7 +479,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
-    """Draw the share of wrong steps of each column, from the top of its lane down."""
+    """Draw the share of unassigned steps in each column, down from the top of its lane."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -494,7 +494,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw errors as shares of the cutoff: darker feet of bars, the largest of each column."""
+    """Draw the largest error of each column relative to the cutoff, as dark feet of bars."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -512,7 +512,7 @@ def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
 
 
 def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the last lane: how many tracks without a lane of their own are wrong, as a height."""
+    """Draw the last lane: the number of its unassigned tracks in each column, as a height."""
     if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
@@ -522,7 +522,7 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
     highest = count.max(initial=0.0) or 1.0
     begin, end = _column_edges(data, columns)
     low = lanes.end - 1 + HALF
-    # Even the smallest error stays visible.
+    # Even the smallest number stays visible.
     height = np.where(count > 0, np.maximum(count / highest, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
@@ -531,7 +531,7 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
 
 
 def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
-    """Select one switch for each column of a lane: the largest, of equal ones the first."""
+    """Select one switch for each column of a lane: the largest, and of equal ones the first."""
     if steps <= columns:
         return np.arange(len(place))
     cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
@@ -542,7 +542,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
 def _switches(
     axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Draw triangles at the top of the lanes; small ones for parts of a switch."""
+    """Draw triangles at the top of the lanes, small ones for parts of a switch."""
     switches = data.switches
     if not len(switches["step"]):
         return {}
@@ -561,7 +561,7 @@ def _switches(
 
 
 def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:
-    """Write ids of the other side into stretches with room for them, the longest first."""
+    """Write ids of the other side into stretches with enough room, the longest stretches first."""
     if letters < 4 or not data.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"

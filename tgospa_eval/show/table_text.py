@@ -1,4 +1,4 @@
-"""Tables and documents rendered as plain text, Markdown, LaTeX and CSV. Knows no metric."""
+"""Tables and documents as plain text, Markdown, LaTeX, HTML and CSV, independent of metrics."""
 
 import itertools
 import re
@@ -12,8 +12,8 @@ from typing import Any, Literal, TypeVar
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import PLAIN_DECIMAL, counted, sizes_in_words
+from tgospa_eval.quoting import clipped, ending, visible
 from tgospa_eval.results.records import Columns, Json, members_in_words
-from tgospa_eval.text import clipped, ending, visible
 
 T = TypeVar("T")
 
@@ -31,16 +31,16 @@ LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
 
 # Patterns are compiled when they are used: a small evaluation needs none.
 _NAMES = r"(?<!\w)@(?=\w)"
-"""Place where GitHub would notify someone by name."""
+"""Place where GitHub would notify a user by name."""
 
 _LINKS = r":(?=//)|(?<=www)\."
 """Place where an address becomes a link."""
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
-"""Beginning of a text that a spreadsheet takes for a formula, after marks of ours if any."""
+"""Beginning of a text that a spreadsheet reads as a formula, after added marks if any."""
 
 _NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
-"""Letters that pdflatex does not know."""
+"""Letters that pdflatex does not support."""
 
 _NUMBER = r"-?[\d,]+(\.\d+)?"
 
@@ -58,7 +58,7 @@ def markdown(text: str) -> str:
 
 
 def markdown_code(text: str) -> str:
-    """Return a name as code of Markdown, in which nothing is a name of someone or a new cell."""
+    """Return a name as code of Markdown, without mentions of users or new cells."""
     text = visible(text)
     if not text.strip() or any(mark in text for mark in "`|\\"):
         return f"<code>{''.join(map(_entity, text))}</code>"
@@ -70,14 +70,14 @@ def _entity(c: str) -> str:
 
 
 def latex(text: str) -> str:
-    """Escape a text for LaTeX, with Greek letters by their names: pdflatex stops at them."""
+    """Escape a text for LaTeX, with Greek letters by name because pdflatex fails at them."""
     return "".join(
         LATEX.get(c) or (_greek(c) if "\u0370" <= c <= "\u03ff" else c) for c in visible(text)
     )
 
 
 def _greek(letter: str) -> str:
-    """Return a Greek letter by its name, a capital that looks Latin as such."""
+    """Return a Greek letter by its name, or a capital that looks Latin as a Latin letter."""
     from unicodedata import name  # lazy: few labels are Greek
 
     kind, _, word = name(letter, "").removeprefix("GREEK ").partition(" LETTER ")
@@ -103,7 +103,7 @@ def _greek(letter: str) -> str:
 
 
 def latex_comment(text: str) -> str:
-    """Return the text as a line of LaTeX that is not set."""
+    """Return the text as a comment line of LaTeX."""
     return f"% {visible(text)}"
 
 
@@ -126,10 +126,10 @@ def workflow_property(text: str) -> str:
 
 
 def csv_cell(value: object) -> object:
-    """Return a value in a CSV table: one that looks like a formula gets a ' in front.
+    """Return a value for a CSV table, with a ' before texts that look like formulas.
 
-    So does a text that begins so after marks of that kind, so that all texts stay different and
-    the first ' before a formula is always ours. Numbers stay as they are.
+    Texts that already have such marks before a formula get one more. So all texts stay different,
+    and the first ' before a formula was always added here. Numbers do not change.
     """
     if (
         isinstance(value, str)
@@ -145,20 +145,20 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Columns of the first cell in a terminal: at least, however wide the others are, and at most to
-differ from others."""
+"""Smallest width to which the first column is shortened on a terminal. The column may get wider, up
+to the second number, to keep its texts different."""
 
 MIN_WORDS = 20
-"""Columns of words that go on below, at least."""
+"""Smallest width of a column of wrapped words."""
 
 MAX_SMALL = 9
-"""Columns of a table of LaTeX; more have smaller type."""
+"""Largest number of columns of a LaTeX table in small type; more have smaller type."""
 
 DASHES = {"l": "---", "r": "---:"}
 """Alignment of the cells of a column in Markdown."""
 
 Row = Sequence[str | None]
-"""Cells that are formatted already; None is none at all."""
+"""Formatted cells of a row; None is an empty cell without padding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,25 +170,25 @@ class Table:
     head : sequence of str
         Names of the columns.
     rows : sequence of rows
-        As many cells each, or fewer.
+        Rows of cells, as many as columns or fewer.
     align : str
-        ``l`` or ``r`` for each column; by default labels are text, the others are numbers.
+        ``l`` or ``r`` for each column; by default ``l`` for labels and ``r`` for the others.
     labels : int
-        How many first columns tell rows apart.
+        Number of first columns that distinguish rows.
     widths : sequence of int
-        Of the columns in plain text, with the blanks between them; by default as they need.
+        Widths of the columns in plain text including blanks between them; by default as needed.
     bold, underlined : frozenset of (int, int)
-        Cells, by row and column, that stand out: the best in Markdown and LaTeX, the second in
-        LaTeX.
+        Cells, by row and column, that stand out: the best in Markdown and LaTeX, the second best
+        in LaTeX.
     ruled : tuple of int
-        Rows below a line, in LaTeX.
+        Rows that follow a line, in LaTeX.
     wrapped : collection of int
-        Columns whose cells go on below in plain text, where the table would be too wide, or at two
-        less than the width that they are given.
+        Columns whose cells continue on further lines in plain text, if the table would be too wide
+        or the cells are wider than their given width minus two.
     caption : str
-        What the table shows; LaTeX sets one with a caption as a float.
+        Content of the table; LaTeX sets a table with a caption as a float.
     is_wide : bool
-        Whether that is over both columns of a page.
+        Whether the float spans both columns of a page.
     """
 
     head: Row
@@ -205,35 +205,34 @@ class Table:
 
     @property
     def sides(self) -> str:
-        """``l`` or ``r`` for each column."""
+        """Alignment of each column, ``l`` or ``r``."""
         return self.align or ("l" * self.labels).ljust(len(self.head), "r")
 
 
 def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
-    """Return a table of columns of cells by their names; `looks` are other fields of it."""
+    """Return a table from columns of cells by their names; `looks` are further fields of it."""
     rows = list(zip(*columns.values(), strict=True))
     return Table(head=tuple(columns), rows=rows, **looks)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """A report: title, one sentence, lines about the problem, tables, notes.
+    """A report: title, lines about the problem, tables, notes.
 
     Parameters
     ----------
     title : str
-        The answer, in a sentence.
+        Answer in a sentence.
     lines : sequence of str
-        What was compared.
+        Descriptions of the data and settings.
     tables : sequence of Table
-        Tables.
+        Tables of the report.
     warnings : sequence of str
-        Where settings come from, what looks wrong with the data; on a terminal it is on stderr
-        already.
+        Sources of settings, and faults of the data. On a terminal they are already on stderr.
     notes : sequence of str
-        Sentences below.
+        Sentences below the tables.
     kind : str
-        What this is, and how to get what it is not.
+        Kind of the report, and commands for other reports.
     """
 
     title: str
@@ -245,7 +244,7 @@ class Document:
 
 
 def as_text(document: Document) -> str:
-    """Return the text of a report for a terminal, 80 columns."""
+    """Return the text of a report for a terminal, in 80 columns."""
     blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
         [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
@@ -256,7 +255,7 @@ def as_text(document: Document) -> str:
 
 
 def as_markdown(document: Document) -> str:
-    """Return the Markdown of a report, for a pull request or a lab book."""
+    """Return the Markdown of a report, for a pull request or a notebook."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
     blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
@@ -267,14 +266,14 @@ def as_markdown(document: Document) -> str:
 
 
 def as_latex(document: Document, *, aligned: bool = False) -> str:
-    """Return tables of the package booktabs; the words are comments.
+    """Return the tables for the package booktabs, with the other text as comments.
 
     Parameters
     ----------
     document : Document
-        What is written.
+        Report to write.
     aligned : bool
-        Whether digits stand in columns of the package siunitx.
+        Whether to align digits with the package siunitx.
     """
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
@@ -296,7 +295,7 @@ def as_html(document: Document) -> str:
 
 
 def _html_lines(table: Table) -> Iterator[str]:
-    """Yield the table by elements of HTML."""
+    """Yield the lines of the table in HTML."""
     yield '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
     for k, row in enumerate(_cells(table, xml, "<b>{}</b>")):
         kind = "td" if k else "th"
@@ -315,7 +314,7 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "siunitx": partial(as_latex, aligned=True),
     "html": as_html,
 }
-"""Writers of a document by format for people; HTML is for notebooks alone."""
+"""Writers of a document by format; HTML is for notebooks only."""
 
 
 def rendered(
@@ -325,18 +324,18 @@ def rendered(
     json: Callable[[T], str],
     columns: Callable[[T], Columns],
 ) -> str:
-    """Return a subject in the format of ``--format``, by the function for that format."""
+    """Return a subject in the format of ``--format``, with the function for that format."""
     if format == "json":
         return json(subject)
     return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
 
 
 def csv_text(table: Columns) -> str:
-    """Return a table as CSV; None is an empty field, numbers are full doubles, no formulas."""
-    import csv  # lazy: most print no CSV
+    """Return a table as CSV, with blanks for None, numbers as full doubles, and no formulas."""
+    import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The writer quotes texts with a line end of its own: here with both, though files have one.
+    # The writer quotes characters of its line end: CR LF makes it quote both. Lines then get LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -345,7 +344,7 @@ def csv_text(table: Columns) -> str:
 
 
 def _csv_column(column: Sequence[object]) -> Sequence[object]:
-    """Return a column of a table: each text is checked once, numbers not at all."""
+    """Return a column of a table, with each distinct text checked once, and numbers unchecked."""
     if not any(issubclass(kind, str) for kind in set(map(type, column))):
         return column
     cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
@@ -353,7 +352,7 @@ def _csv_column(column: Sequence[object]) -> Sequence[object]:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Return rows for a terminal, in columns of the widths of the table, or of the widest cells.
+    """Return rows for a terminal, in columns with the widths of the table or of the widest cells.
 
     A first cell that is longer than its column has a line of its own.
     """
@@ -383,7 +382,7 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
 def markdown_lines(
     table: Table, blank: str = "", escape: Callable[[str], str] = markdown
 ) -> list[str]:
-    """Return rows between bars; `blank` is beside the dashes, `escape` is for words."""
+    """Return rows between bars, with `blank` around the dashes and `escape` applied to cells."""
     rows = [
         "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
         for row in _cells(table, escape, "**{}**")
@@ -393,7 +392,7 @@ def markdown_lines(
 
 
 def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
-    """Yield the table by the package booktabs, numbers by siunitx if they are `aligned`."""
+    """Yield the table for the package booktabs, with numbers for siunitx if `aligned`."""
     sides, bold = list(table.sides), r"\textbf{{{}}}"
     numeric = [
         k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
@@ -417,7 +416,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # After the end of a row LaTeX reads a bracket or a star as its setting.
+        # After the end of a row LaTeX reads a bracket or a star as an option.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
@@ -434,7 +433,7 @@ def _is_numeric(table: Table, column: int) -> bool:
 
 
 def _of_siunitx(text: str, cell: str) -> str:
-    """Return a number in a column of siunitx; `cell` is its text in another column."""
+    """Return a number for a column of siunitx; `cell` is its text in another column."""
     plain = text.replace(",", "")
     if cell.startswith(r"\textbf"):
         return rf"\bfseries {plain}"
@@ -444,7 +443,7 @@ def _of_siunitx(text: str, cell: str) -> str:
 def _cells(
     table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
 ) -> Iterator[list[str | None]]:
-    """Yield the head and rows in the words of a language, all of one length."""
+    """Yield the head and rows, escaped for a language and all of the same length."""
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
         forms = (looks.get((k, at), "{}") for at in range(len(row)))
@@ -453,12 +452,12 @@ def _cells(
 
 
 def clip(line: str, width: int = WIDTH) -> str:
-    """Return the line, visible and cut to a width."""
+    """Return the line with visible characters, cut to a width."""
     return clipped(line, width)
 
 
 def wrap(text: str, indent: str = INDENT, width: int = WIDTH) -> list[str]:
-    """Return the visible text on lines; all but the first are indented, ids are not split."""
+    """Return the visible text on lines, indented from the second on; ids are not split."""
     shown = visible(text)
     return textwrap.wrap(shown, width, subsequent_indent=indent, break_on_hyphens=False) or [""]
 
@@ -470,9 +469,9 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 def fitted(table: Table) -> list[str]:
     """Return lines of a table with columns as wide as their contents.
 
-    The first gives way if a line is too long, as far as its texts remain different; what has no
-    place even then goes on below, with the first columns again: all of text that tell rows apart,
-    where they leave half of the line. A table with widths has its own.
+    The first column is shortened if a line is too long, while its texts stay different. Columns
+    that still do not fit continue below and repeat the first column. Further text columns that
+    distinguish rows are repeated as well if they leave half of the line. Given widths are kept.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -506,7 +505,7 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: all it needs, or the rest, or enough."""
+    """Return the width of the first column: the rest of the line, or what its texts need."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
     width = min(MIN_NAME_WIDTH, longest)
@@ -517,7 +516,7 @@ def _first_width(texts: list[str], other_widths: int) -> int:
 
 
 def _that_fit(widths: list[int], room: int) -> list[list[int]]:
-    """Group the columns after the first so that they fit; one that is too wide is a group."""
+    """Group the columns after the first into groups that fit; a wider column is one group."""
     groups: list[list[int]] = [[]]
     used = 0
     for k, width in enumerate(widths[1:], start=1):
@@ -530,13 +529,13 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """Return the end of a name that is too long: paths differ there. "vs NAME" keeps its vs."""
+    """Return the end of a long name, where paths differ; "vs NAME" keeps its vs."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
 
 # -------------------------------------------------------------------------------------------------
-# Words and numbers that all documents of `compare` share.
+# Words and numbers that all documents of `compare` use.
 
 PART_HEADS = ("local.", "missed", "false", "switch")
 """Heads of narrow columns for the parts of the cost."""
@@ -547,11 +546,11 @@ RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 """Rules of other programs for switches after per-step GOSPA."""
 
 EXACT = 1e-9
-"""Relative errors below count as none, and differ from machine to machine."""
+"""Relative error below which errors count as zero, because they vary between machines."""
 
 TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
 TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
-"""Command for comparisons that are not on this page."""
+"""Commands for other comparisons."""
 
 SPLIT_NOTE = (
     "split, not proven: localisation, missed, false and switch are those of the best assignment "
@@ -565,13 +564,13 @@ def or_dash(value: float | None, form: str) -> str:
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """Return one number if both ends look the same, else both."""
+    """Return one number if both ends look the same, otherwise both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
 def error_of(value: float | None) -> str:
-    """Format a relative error, in powers of ten."""
+    """Format a relative error in powers of ten."""
     if value is None:
         return "-"
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
@@ -580,12 +579,12 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Return entries of rows as columns, with something before their names."""
+    """Return entries of rows as columns, with `before` in front of their names."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
 def unit_of(parameters: Mapping[str, Any]) -> str:
-    """Return the unit behind a number, if there is one."""
+    """Return the unit with a blank before it, or an empty text."""
     unit = parameters.get("unit")
     return f" {unit}" if unit else ""
 
@@ -619,22 +618,22 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
 # A proven order in words: places, who is best, what verdicts mean.
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
-"""Verdicts as the tables have them."""
+"""Verdicts as written in tables."""
 
 PROOFS = {
     "less": "proven: the upper bound of one is below the lower bound of the other",
     "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
     "not separated": "open: the bounds of both overlap",
 }
-"""Meanings of the verdicts."""
+"""Explanations of the verdicts."""
 
 
 MAX_NAMED = 8
-"""Names in a sentence; a table has all of them."""
+"""Largest number of names in a sentence; a table has all of them."""
 
 
 def first_names(groups: Sequence[Sequence[str]]) -> str:
-    """List the first names with commas, those of a group with ``=``, and count the rest."""
+    """List the first names with commas and equal names with ``=``, and count the rest."""
     left, texts = MAX_NAMED, list[str]()
     for group in groups:
         if left > 0:
@@ -649,12 +648,11 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
     Parameters
     ----------
     value : str
-        By which they are ordered.
+        Name of the value that orders the entries.
     entries : sequence of dict
-        In the order of the values: each has a ``name``, and the best and the worst ``place``.
+        Entries in the order of the values: each has a ``name`` and its best and worst ``place``.
     pairs : sequence of dict
-        Names of the ``first`` and the ``second``, in this order, and the ``verdict``: what is
-        proven of the two.
+        Names of the ``first`` and the ``second``, in this order, and the proven ``verdict``.
     """
     names = [entry["name"] for entry in entries]
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in pairs}
@@ -683,7 +681,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Return entries proven to be best, alone or as equals; or proven to have this place."""
+    """Return entries proven to have this place, alone or as equals; none if all have it."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
@@ -691,16 +689,14 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Return the row and column of each value that is proven to be the least of its rivals.
-
-    Of the second `place` those that are proven to have that.
+    """Return the row and column of each value proven to have this `place` among its rivals.
 
     Parameters
     ----------
     columns : mapping of int to sequence of Interval
-        Of each column that is compared, the values of all rows.
+        Columns to compare, with the values of all rows.
     rivals : iterable of sequences of int
-        Rows that compete with each other.
+        Groups of rows that compete with each other.
     """
     return frozenset(
         (rows[k], column)
@@ -711,13 +707,13 @@ def best_cells(
 
 
 def equal_names(pairs: Iterable[Json]) -> set[str]:
-    """Return names that share a place, for they are proven to be equal."""
+    """Return names that share a place, because they are proven to be equal."""
     equal = [pair for pair in pairs if pair["verdict"] == "equal"]
     return {pair[name] for pair in equal for name in ("first", "second")}
 
 
 def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:
-    """Format the range of possible places, or the only one, with = if it is shared."""
+    """Format the range of possible places, or a single place, with = if it is shared."""
     if best < worst:
         return f"{best}-{worst}"
     return f"{best}=" if shared else f"{best}"

@@ -1,6 +1,6 @@
-"""List of all pictures: by subject, with the function that draws each, and their files.
+"""List of all pictures: the function that draws each, by kind of subject, and their files.
 
-matplotlib is imported when one is drawn.
+matplotlib is imported when the first picture is drawn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.registry import load
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.quoting import quoted
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.sensors import Pairing
 from tgospa_eval.show import style as looks
 from tgospa_eval.show.style import FILES, STYLES, Style, styled
-from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,30 +22,30 @@ if TYPE_CHECKING:
 
 
 class Chart(NamedTuple):
-    """Picture: a function of its subject and a `Style`; None if it has nothing to show."""
+    """Picture: a function of its subject and a `Style`, which returns None without content."""
 
     draw: str
     """Module of this folder and function."""
     options: tuple[str, ...] = ()
-    """Fields of `Pictures` that it takes too."""
+    """Fields of `Pictures` that the function also receives."""
     absent: str = ""
     """Reason why there is no picture."""
 
 
 _PARTS = ("parts",)
-_PLANE = Chart("plane:draw_plane", ("columns",))
+_PLANE = Chart("draw_plane:draw_plane", ("columns",))
 _RESULT = {
-    "costs": Chart("overtime:draw_costs", _PARTS),
-    "lanes": Chart("overtime:draw_lanes"),
+    "costs": Chart("draw_over_time:draw_costs", _PARTS),
+    "lanes": Chart("draw_over_time:draw_lanes"),
     "plane": _PLANE,
-    "cumulative": Chart("overtime:draw_cumulative", _PARTS),
-    "worst": Chart("overtime:draw_worst", _PARTS),
+    "cumulative": Chart("draw_over_time:draw_cumulative", _PARTS),
+    "worst": Chart("draw_over_time:draw_worst", _PARTS),
     "nees": Chart(
-        "overtime:draw_nees",
+        "draw_over_time:draw_nees",
         absent="there is no NEES: evaluate with with_='nees', and states that have covariances",
     ),
     "windows": Chart(
-        "overtime:draw_windows",
+        "draw_over_time:draw_windows",
         _PARTS,
         "there are no windows: evaluate with window=, the steps of each",
     ),
@@ -62,10 +62,10 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "result": _RESULT,
     "result in parts": {name: _RESULT[name] for name in ("costs", "cumulative", "nees")},
     "associate": {"plane": _PLANE},
-    "inspect": {"inspection": Chart("plane:draw_inspection")},
+    "inspect": {"inspection": Chart("draw_plane:draw_inspection")},
     "sweep": {"sweep": Chart("several:draw_sweep")},
     "estimates": {
-        "cumulative": Chart("several:draw_cumulative", absent="runs have unlike numbers of steps")
+        "cumulative": Chart("several:draw_cumulative", absent="runs differ in number of steps")
     },
     "solvers": {
         "time_over_error": Chart("several:draw_time_over_error", absent="no solver has a value"),
@@ -84,23 +84,23 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "page of a batch": _CURVES,
     "page of a gate": {"runs": Chart("several:draw_runs")},
 }
-"""Pictures by kind of subject and name of file; of data in parts no tracks are drawn."""
+"""Pictures by kind of subject and name of file; data in parts have no pictures of tracks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Requested pictures, checked.
+    """Requested pictures, with checked names.
 
     Parameters
     ----------
     formats : tuple of str
-        Of `FILES`; none draws nothing.
+        Formats, from `FILES`; empty for no pictures.
     style : str
-        Of `STYLES`.
+        Style, from `STYLES`.
     components : sequence of str, optional
         Parts of the cost; all by default.
     columns : pair of str, optional
-        What is across and up in the plane.
+        Columns across and up in the plane.
 
     Raises
     ------
@@ -126,7 +126,7 @@ class Pictures:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The parts of the cost that are drawn, in their order."""
+        """Parts of the cost that are drawn, in their order."""
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
     def names(self, *kinds: str) -> tuple[str, ...]:
@@ -140,14 +140,14 @@ class Pictures:
         Raises
         ------
         ConfigError
-            `columns` names one that the states do not have.
+            `columns` has a name that the states do not have.
         """
         from tgospa_eval.show.plot_data import plane_columns  # lazy: slow to import
 
         plane_columns(known, self.columns)
 
     def draw(self, chart: Chart, subject: Any, style: Style) -> "Figure | None":
-        """Draw one picture; None if it has nothing to show."""
+        """Draw one picture, or return None if it has no content."""
         if isinstance(subject, Evaluation | Pairing):
             from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
@@ -165,8 +165,8 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return files by name: all pictures of a kind in `CHARTS`, each in all formats.
 
-    None without matplotlib. `notify` takes the name of each before it is written, and the share
-    that is done. One figure after the other: they hold memory.
+    Without matplotlib there are none. `notify` receives the name of each picture before it is
+    written, and the share that is done. Only one figure is in memory at a time.
     """
     wanted, charts, files = wanted or Pictures(), CHARTS[kind], dict[str, bytes]()
     for at, (name, chart) in enumerate(
@@ -183,7 +183,7 @@ def pictures(
 
 
 class Place(TypedDict, total=False):
-    """Axes or figure of the user for a picture, in place of a figure of its own."""
+    """Axes or figure of the user for a picture, instead of a figure of its own."""
 
     ax: "Axes"
     figure: "Figure | SubFigure"
@@ -203,8 +203,8 @@ def plot(
     Raises
     ------
     ConfigError
-        A name is unknown, matplotlib is not installed, there is no such picture, or axes are
-        given for one with several panels.
+        A name is unknown, matplotlib is not installed, the picture does not exist, or single axes
+        are given for several panels.
     """
     wanted, chart = Pictures(**options), CHARTS[kind][name]
     with styled(wanted.style) as style:

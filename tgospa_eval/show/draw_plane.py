@@ -1,4 +1,4 @@
-"""Trajectories in the plane, with what was missed, false and switched where it happened."""
+"""Trajectories in the plane, with marks of missed targets, false targets and switches."""
 
 import math
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from matplotlib.patheffects import withStroke
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.show.draw_over_time import time_axis
 from tgospa_eval.show.figure_tools import boxes as corners
 from tgospa_eval.show.figure_tools import figure, legend, literal, titled
-from tgospa_eval.show.overtime import time_axis
 from tgospa_eval.show.plot_data import (
     NONE,
     TIME,
@@ -34,32 +34,32 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FEW = 30
-"""Trajectories up to which shapes do not hide one another."""
+"""Largest number of trajectories with shapes, which then do not hide one another."""
 
 CORNERS = 48
 """Corners of an ellipse."""
 
 SPACING = 2.0
-"""Distance of two shapes of a trajectory, in sizes of the first."""
+"""Distance between two shapes of a trajectory, relative to the size of the first."""
 
 STEPS = 2
-"""Steps before and after the farthest pair that are enlarged."""
+"""Number of steps before and after the farthest pair in the enlarged part."""
 
 INTERVALS = 24
-"""Intervals along a trajectory over the time."""
+"""Number of intervals along a trajectory over time."""
 
 WINDOW = 3.0
-"""Distance from the middle, at most, in sizes of a typical ellipse."""
+"""Largest distance from the middle of the enlarged part, relative to a typical ellipse."""
 
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 FEW_DOTS = 5000
-"""Particles up to which they are shapes in vector files."""
+"""Particles up to which they are shapes in vector files; more become dots."""
 
 NO_ROWS = np.zeros(0, np.int64)
 
 SPECK = 2.0
-"""Area of a particle of usual weight, in square points; twice as much where it is enlarged."""
+"""Area of a particle of usual weight, in square points; doubled in the enlarged part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,16 +78,16 @@ class Plane:
 
     @cached_property
     def places(self) -> dict[str, Floats]:
-        """The states of each side that has any, (2, R)."""
+        """States of each side that has any, (2, R)."""
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.data.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Return the reach of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
+        """Return the extent of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
-        `packed` are lower triangles of C. Over the time it is the interval of the other column.
+        `packed` are lower triangles of C. Over time the extent is the interval of the other column.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
-        odd = {self.across, self.up} - {*columns, TIME}  # the axes of centres of boxes
+        odd = {self.across, self.up} - {*columns, TIME}  # columns of box centres
         if odd or self.across == self.up or not packed.shape[1]:
             return spans
         index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
@@ -100,9 +100,9 @@ class Plane:
 
     @cached_property
     def extents(self) -> dict[str, Floats]:
-        """Reach of the shape around each state by side, 0 without a shape.
+        """Extent of the shape around each state by side, 0 without a shape.
 
-        Boxes are known of their edges and centres.
+        Boxes have extents only along their edges and along their centres.
         """
         data = self.data
         if not data.document["boxes"]:
@@ -116,12 +116,12 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Reach of the gates around the first side of an association."""
+        """Extents of the gates around the first side of an association."""
         gate = self.data.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Return rows of these, by default of all, around which there is something."""
+        """Return those rows, by default of all rows, that have a shape around them."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
@@ -137,9 +137,9 @@ class Plane:
 def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
     """Return outlines (K, corners, 2): z' C^-1 z = 1 around (2, K), C = [s^2, q; q, t^2].
 
-    `sizes` are s, t and q, (3, K).
-    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
-    with r = 0, both are divided by that of (cos u, sin u).
+    `sizes` are s, t and q, (3, K). With r = q / (s t) the corners are
+    (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. For another norm, with r = 0, both coordinates
+    are divided by the norm of (cos u, sin u).
     """
     s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -153,7 +153,7 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
 def surroundings(
     axis: Axes, plane: Plane, rows: dict[str, Ints], speck: float
 ) -> dict[str, Artist]:
-    """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
+    """Draw shapes and particles of these states and their numbers; return entries of a legend."""
     handles: dict[str, Artist] = {}
     counts: list[str] = []
     large = plane.style.titles
@@ -179,7 +179,7 @@ def surroundings(
         place = plane.data.places(particles["state"][at], side.row["step"][own])
         count = np.bincount(own, minlength=len(colours))[
             own
-        ]  # particles of a cloud have 1 / count on average
+        ]  # the mean weight of a cloud's particles is 1 / count
         area = speck * np.clip(particles["weight"][at] * count, 0.05, 20) * (1 if large else 0.4)
         looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
         looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
@@ -196,7 +196,7 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """Return states here and there along few trajectories around which there is something."""
+    """Return states with shapes, at intervals along the trajectories if these are few."""
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
         row = plane.around(side) if sum(len(s.ids) for s in plane.data.sides) <= FEW else NO_ROWS
@@ -212,8 +212,8 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     """Return states near the farthest assigned pair, a few steps before and after it.
 
-    Of associations those of its step. None where there are neither ellipses nor gates, or nothing
-    to enlarge.
+    For associations these are the states of its step. The result is empty without ellipses and
+    gates, with boxes, or with fewer than three states.
     """
     data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
@@ -237,7 +237,7 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Return lines from these estimates to their truths, (2, 3 K)."""
+    """Return lines from these estimates to the truths assigned to them, (2, 3 K)."""
     truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
@@ -248,7 +248,7 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
-    """Return the first row of each track, and each next one beyond the reach of the last."""
+    """Return the first row of each track, and each next row outside the reach of the last one."""
     kept = []
     last = -1
     for k in range(len(track)):
@@ -263,39 +263,39 @@ VECTOR_POINTS = 40_000
 """Points that are drawn as lines and marks in vector files; more become dots."""
 
 CROWDED = 400
-"""Events from which on marks become smaller."""
+"""Number of events above which marks become smaller."""
 
 GROUPED = 1500
-"""Events from which on a mark stands for all of a kind that are near to each other."""
+"""Number of events above which one mark means all events of a kind that are near each other."""
 
 CELLS = 48
-"""Places for such marks beside each other."""
+"""Number of cells for grouped marks along each axis."""
 
 COVERED = 0.08
-"""Share of the picture that marks of one kind cover at most, so that they remain marks."""
+"""Largest share of the picture that marks of one kind cover, so that they stay distinct."""
 
 MANY_TRACKS = 100
-"""Trajectories from which on lines are thinner and fainter, so that marks stand out."""
+"""Number of trajectories above which lines are thinner and fainter, so that marks stand out."""
 
 FADED = 0.35
-"""Opacity of lines where a part is enlarged."""
+"""Opacity of lines in a picture with an enlarged part."""
 
 STRETCH = 8
-"""Ratio of two axes up to which both have one scale."""
+"""Largest ratio of two axes that share one scale."""
 
 
 MARKS: dict[str, dict[str, Any]] = {
     "missed": {"marker": "x", "color": MISSED},
     "false": {"marker": "^", "color": FALSE, "markerfacecolor": "none"},
 }
-"""Looks of what has no partner."""
+"""Looks of objects without a partner."""
 
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
-"""Kind of event, places, looks."""
+"""Kind of event, coordinates x and y, and looks."""
 
 
 def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
-    """Draw trajectories with misses, false targets and switches."""
+    """Draw trajectories with missed targets, false targets and switches."""
     boxes = data.document["boxes"]
     across, up = plane_columns(data.document["columns"], columns)
     plane = Plane(data=data, across=across, up=up, style=style)
@@ -322,7 +322,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
             handles |= _lines(panel, side, places[side.name], style, data, many, fade)
     if sides:
         handles |= surroundings(axis, plane, rows_along(plane), SPECK)
-    if data.document["words"]:  # an association has lines
+    if data.document["words"]:  # associations have lines between partners
         line = pairs(plane, np.arange(len(data.estimate.row["step"])))
         looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
         handles["pair"] = axis.plot(*line, **looks)[0]
@@ -338,7 +338,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
-    titled(axis, style, "In the plane", data.about)
+    titled(axis, style, "Trajectories", data.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
     beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
     beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names
@@ -347,7 +347,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
 
 
 def _name_axes(axis: Axes, plane: Plane) -> None:
-    """Name both directions."""
+    """Name both axes."""
     for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
         if name == TIME:
             time_axis(axis, plane.data, plane.style, upright=upright)
@@ -386,7 +386,7 @@ def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Arti
     span = begin if begin == end else f"{begin} to {end}"
     what = "farthest pair" if (data.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
-    # set last and not fixed, as the aspect may widen them
+    # Set last and not fixed, because the aspect ratio may widen the limits.
     low, high = (end(np.concatenate([line.T, *points]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
@@ -400,9 +400,9 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Return the length of a unit upwards by that of one across, where both are places in one unit.
+    """Return a unit upwards divided by a unit across, if both columns are places in one unit.
 
-    `stretch` is that of a degree of latitude by one of longitude.
+    `stretch` is the length of a degree of latitude divided by a degree of longitude.
     """
     if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
         return None
@@ -425,9 +425,9 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # a stretch of one state needs a mark
+    single = np.zeros(len(row["track"]), bool)  # a stretch of one state needs a mark to be visible
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
-    # One line with holes for each colour: a thousand artists take seconds.
+    # One line with gaps for each colour, because a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
     colour = np.insert(row["track"] % len(TRACK_COLOURS), breaks, -1)
     looks: dict[str, Any] = {
@@ -457,9 +457,9 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Draw heads of arrows where tracks end; with ids of estimates, of truths at their begin.
+    """Draw arrowheads at the ends of tracks, ids of estimates there, and ids of truths at begins.
 
-    Of many tracks those that cost most have them, as far as names do not lie on each other.
+    With many tracks only the costliest have them. Ids that would overlap are left out.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
     scale = 72 * np.array(inches) / extent  # points per unit
@@ -472,7 +472,7 @@ def _ends(
         for k in known[:NAMED]:
             first, last = ends[0][k], ends[1][k] - 1
             colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
-            before = place[:, max(first, last - 3)]  # a single step would be noise
+            before = place[:, max(first, last - 3)]  # the direction of a single step would be noise
             if not plane.timed and (before != place[:, last]).any():
                 arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
                 arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
@@ -494,7 +494,7 @@ def _ends(
 def _events(
     axis: Axes, data: PlotData, places: dict[str, Floats], style: Style
 ) -> dict[str, Artist]:
-    """Draw crosses, triangles and diamonds where something is wrong."""
+    """Draw crosses, triangles and diamonds at missed targets, false targets and switches."""
     marks: list[Mark] = []
     for side, (name, looks) in zip(data.sides, MARKS.items(), strict=True):
         if side.name in places:
@@ -546,16 +546,16 @@ def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dic
 
 
 def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
-    """Return middles and numbers of the points in each cell of a grid."""
+    """Return the mean position and the number of the points in each cell of a grid."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)  # only NumPy 2.0 gives it two axes
+    cell = cell.reshape(-1)  # it has two axes in NumPy 2.0 only
     middle = [np.bincount(cell, weights=values) / count for values in (x, y)]
     return middle[0], middle[1], count
 
 
 def rows_of_switches(data: PlotData) -> Ints:
-    """Return the row of the truth at which each switch is, or the last one before it."""
+    """Return the row of the truth at each switch, or the last row before the switch."""
     key = data.steps + 1
     row, switches = data.truth.row, data.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
@@ -564,33 +564,33 @@ def rows_of_switches(data: PlotData) -> Ints:
 
 
 # -------------------------------------------------------------------------------------------------
-# The data as read, before any comparison: the plane, and the tracks over time.
+# Data as read, before a comparison: the plane, and the tracks over time.
 
 LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
     {"color": FALSE, "linewidth": 0.9},
 )
-"""Looks of truth and estimate: the upper lines let the lower ones be seen."""
+"""Looks of truth and estimate: lower lines stay visible under upper lines."""
 
 NAMED = 30
-"""Trajectories that are named beside their lines, at most."""
+"""Largest number of trajectories with names next to their lines."""
 
 PRESENCE = "trajectory"
-"""Name of the upward axis where the time is across."""
+"""Name of the upward axis if the time is across."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
     style: Style,
 ) -> Figure:
-    """Draw trajectories in the plane, and a line for each over its times.
+    """Draw trajectories in the plane, and a line for each trajectory over its times.
 
     Parameters
     ----------
     subject : sequence of (str, Trajectories), and str
-        Name and content of the truth, and of an estimate; the unit of the states.
+        Name and trajectories of the truth, and of an estimate; then the unit of the states.
     style : Style
-        Sizes; in one column of a journal the plane lies above.
+        Sizes; in one column of a journal the plane is above the lines.
     """
     sides, unit = subject
     columns = sides[0][1].columns

@@ -1,11 +1,11 @@
 """Quoted texts and names of options in messages.
 
-What came from a user is shown on its line, and is no command to whatever shows it. Ids, names of
-files, columns and classes, units, settings and messages may hold anything. Control characters (C0
-and C1), line breaks, marks that turn the direction of writing and what cannot be seen are written
-as Python would, and what CI systems take for a command loses its first character to such an escape.
+Text of a user is shown on one line, and is never a command to a terminal or a CI system. Ids, names
+of files, columns and classes, units, settings and messages may hold anything. Control characters
+(C0 and C1), line breaks, marks of the writing direction and invisible characters are escaped as in
+Python. The first character of a command of a CI system is escaped too.
 
-An option is spelled for the surface that the message is for: `option`.
+`option` spells an option for the surface of a message.
 """
 
 import re
@@ -17,10 +17,10 @@ from typing import TypeVar
 T = TypeVar("T")
 
 CLIPPED_LENGTH = 60
-"""Characters of a text that a message quotes."""
+"""Largest number of characters that a message quotes."""
 
 LISTED = 12
-"""Names of a list that a message shows."""
+"""Largest number of names that a message lists."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
 """Begin of a workflow command: after blanks alone on GitHub (::error), anywhere on Azure,
@@ -37,7 +37,7 @@ def visible(text: str) -> str:
 
 
 def as_unicode(text: str) -> str:
-    """Return the text with bytes that are no UTF-8, as in names of files, in hexadecimal."""
+    """Return the text with invalid UTF-8 bytes, as in names of files, in hexadecimal."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -47,23 +47,23 @@ def visible_lines(text: str) -> str:
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Return the beginning of the text, all of it visible, with dots for the rest."""
+    """Return the visible beginning of the text, with dots for the rest."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """Return the end of the text, in which names and paths differ, with dots for the rest."""
+    """Return the visible end of the text, where names and paths differ, with dots for the rest."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
 def quoted(text: object) -> str:
-    """Quote a text as messages show what they were given: visible, at most 60 characters."""
+    """Quote a text for a message: visible, at most 60 characters."""
     return f'"{clipped(str(text))}"'
 
 
 def listed(texts: Iterable[object], shown: int = LISTED) -> str:
-    """Return names with commas between them, each as in `quoted` but for the quotes."""
+    """Return names with commas between them, each as in `quoted` without the quotes."""
     names = list(texts)
     rest = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(clipped(str(name)) for name in names[:shown]) + rest
@@ -73,13 +73,13 @@ def listed(texts: Iterable[object], shown: int = LISTED) -> str:
 # Options, as the one who reads the message writes them.
 
 COMMAND, PYTHON, READER = "command", "python", "reader"
-"""Surfaces: the command line, keywords of Python, those of `read_trajectories`."""
+"""Surfaces: the command line, keywords of Python, and keywords of `read_trajectories`."""
 
 surface = ContextVar("surface", default=PYTHON)
-"""The one that messages are for. Threads and workers have to be told, see `on_surface`."""
+"""Current surface of messages. Threads and workers need `on_surface`."""
 
 FLAGS = {"slices": "--slice", "limits": "--max"}
-"""Options that the command line does not call as their keywords."""
+"""Options whose names on the command line differ from their keywords."""
 
 LETTERS = {"cutoff": "-c", "switch_penalty": "-g", "output": "-o"}
 
@@ -96,11 +96,11 @@ OF_READER = {
     "truth_format": "format",
     "estimate_format": "format",
 }
-"""Keywords of `read_trajectories` that have other names."""
+"""Options whose keywords in `read_trajectories` have other names."""
 
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
-"""Values that Python writes without quotes."""
+"""Pattern of values that Python writes without quotes."""
 
 
 def option(name: str, value: object = None, *, metavar: str = "", short: bool = False) -> str:
@@ -111,11 +111,11 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
     name : str
         The keyword.
     value : object, optional
-        Its value, if the message knows one; True of a flag.
+        Value of the option, if the message has one; True for a flag.
     metavar : str
-        What stands for the value on the command line: ``FILE``.
+        Placeholder of the value on the command line: ``FILE``.
     short : bool
-        Whether the command line has its letter.
+        Whether to use the letter of the option on the command line.
     """
     text = metavar if value is None or value is True else str(value)
     if surface.get() == COMMAND:
@@ -136,7 +136,7 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
 
 @contextmanager
 def spelled_for(name: str) -> Iterator[None]:
-    """Let messages that are made inside spell options for a surface."""
+    """Spell options for a surface in messages that the block makes."""
     token = surface.set(name)
     try:
         yield
@@ -145,6 +145,6 @@ def spelled_for(name: str) -> Iterator[None]:
 
 
 def on_surface(name: str, function: Callable[..., T], *arguments: object) -> T:
-    """Call a function whose messages are for a surface; in a worker, for that of its parent."""
+    """Call a function with a surface of messages; a worker uses the surface of its parent."""
     with spelled_for(name):
         return function(*arguments)

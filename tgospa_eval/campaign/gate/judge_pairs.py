@@ -40,7 +40,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
-from tgospa_eval.text import option, quoted
+from tgospa_eval.quoting import option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
