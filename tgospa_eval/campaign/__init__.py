@@ -1,3 +1,3 @@
-"""Several evaluations side by side: solvers, estimates, sizes. Knows no options and no pages."""
+"""Several evaluations together: solvers, estimates, sizes. Has no options and no pages."""
 
 SCHEMA = "tgospa-eval/compare/1"

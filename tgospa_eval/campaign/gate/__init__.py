@@ -1,1 +1,1 @@
-"""Rows judged by a baseline: rules, suites, groups of seeds, reports."""
+"""Gate: verdicts on rows by a baseline, with rules, suites, groups of seeds and reports."""

@@ -1,4 +1,4 @@
-"""Baselines: values, options and what was judged of each pair, as JSON made for git."""
+"""Baselines: values, options and coverage of each pair, as JSON that suits git."""
 
 import glob
 import json
@@ -32,32 +32,32 @@ from tgospa_eval.tracks.coverage import (
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """One evaluation, of this run or stored.
+    """Result of one evaluation, new or stored.
 
     Parameters
     ----------
     values : mapping of str to Value
-        Those that rules can name.
+        Values that rules can name.
     classes : mapping of str to mapping
-        The same of each class, where these are evaluated apart.
+        Values of each class, if classes are evaluated separately.
     bounds : pair of float
-        Of the metric, in state units.
+        Lower and upper bound of the metric, in state units.
     parameters : mapping
-        As in the JSON of a result.
+        Parameters, as in the JSON of a result.
     evaluated_on : mapping
-        What it was judged on, as in the JSON of a result.
+        Coverage of the truth and the steps, as in the JSON of a result.
     estimate : str
         Digest of the estimate.
     version : str
-        Of the program.
+        Version of the program.
     status : str
-        How the solver ended.
+        Status message of the solver.
     certified : bool
-        Whether the asked gap was met.
+        Whether the requested gap was met.
     nees : NeesSums, optional
-        What NEES is made of, where there is any.
+        Sums for NEES, if there are any.
     silent : bool
-        Whether no state of the estimate takes part.
+        Whether the evaluation has no state of the estimate.
     """
 
     values: Mapping[str, Value]
@@ -85,7 +85,7 @@ class Measured:
 
     @property
     def remedy(self) -> str:
-        """Option that narrows the bracket, by how the solver ended."""
+        """Advice that narrows the bracket, by the status of the solver."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
             return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
@@ -112,16 +112,16 @@ class Measured:
 
 
 ROUNDING_GAP = 1e-9
-"""Relative gap of certified that is about as narrow as rounding."""
+"""Relative gap of the solver certified that is about as small as rounding errors."""
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
-    """Return values that rules can name, with their brackets.
+    """Return the values that rules can name, with their brackets.
 
     Parameters
     ----------
     numbers : mapping of str to float
-        Each by its path, and the bounds `total_lower` and `lower_bound`.
+        Values by path, and the bounds `total_lower` and `lower_bound`.
     scale : float
         c^p.
     """
@@ -148,7 +148,7 @@ def measured(row: Row) -> Measured:
     Raises
     ------
     ConfigError
-        Estimates said what of them is not judged.
+        The estimates themselves mark states that are ignored.
     """
     nees, parameters = NeesSums.of_row(row), json.loads(row["parameters"])
     scale = row["cutoff"] ** row["order"]
@@ -192,19 +192,21 @@ MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
 
 Baseline: TypeAlias = dict[str, Json]
-"""An entry for each pair, by its name, as the JSON has it: `values` (`upper_bound` and what follows
-from it, the split, `lower_bound`; those of classes under `by_class`), `options` that were given,
-`parameters` that change the number, `judged`, the `version` of the program, and `labels`; and of
-earlier nights the values, the newest first, under `nights`."""
+"""Entries of pairs by name, as in the JSON file.
+
+`values` has `upper_bound` and values that follow from it, the split and `lower_bound`; those of
+classes are under `by_class`. `options` are those that were given, `parameters` all that change the
+number. Other fields are `judged`, `version` (of the program) and `labels`. `nights` has the values
+of earlier nights, the newest first."""
 
 MAX_NIGHTS = 10
-"""Values that an entry keeps at most."""
+"""Largest number of nights of an entry."""
 
 
 def make_entry(
     now: Measured, options: Mapping[str, object], labels: Mapping[str, str] | None = None
 ) -> Json:
-    """Return what a baseline keeps of a result that was made with these options.
+    """Return the entry of a baseline for a result that was made with these options.
 
     Raises
     ------
@@ -236,9 +238,9 @@ def make_entry(
 
 
 def with_nights(entry: Json, before: Json | None) -> Json:
-    """Add the values of earlier nights to an entry, unless they are of other data.
+    """Add the values of earlier nights to an entry, unless their data or parameters differ.
 
-    The same estimate again is no further night: what it would add is a spread of zero.
+    The same estimate is not added again, since it would only reduce the spread.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -255,7 +257,7 @@ def nights_of(entry: Json) -> list[Json]:
 
 
 def typical(entry: Json) -> Json:
-    """Return the values of an entry: means of several nights, by powers where values are roots."""
+    """Return the values of an entry: means over its nights, of powers where values are roots."""
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
         values: Json = entry["values"]
@@ -283,13 +285,13 @@ def typical(entry: Json) -> Json:
 
 
 def number_in(values: Json, name: str | None, path: str) -> float:
-    """Return a value, or that of a class: a class that is not there costs nothing."""
+    """Return the value at a path, of all or of one class; a missing class costs nothing."""
     own = values if name is None else values.get("by_class", {}).get(name, {})
     return float(value_at(own, path) or 0.0)
 
 
 def nested(values: Mapping[str, Any]) -> Json:
-    """Return values by path, as in the JSON of a result."""
+    """Return values by path as nested tables, as in the JSON of a result."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
@@ -306,7 +308,7 @@ def upper_ends(values: Mapping[str, Value]) -> Json:
 
 
 def value_at(values: Json, path: str) -> Any:
-    """Return the value at a path such as ``counts.missed``; None if there is nothing."""
+    """Return the value at a path such as ``counts.missed``; None if it is missing."""
     if names_summary(path):
         return values.get(SUMMARY, {}).get(path.removeprefix(f"{SUMMARY}."))
     value: Any = values
@@ -317,7 +319,7 @@ def value_at(values: Json, path: str) -> Any:
 
 
 CHANGED = "not judged on the same"
-"""Beginning of notes about truths."""
+"""Beginning of messages about a changed truth."""
 
 
 def differences(entry: Json, now: Measured) -> list[str]:
@@ -328,7 +330,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     old = entry["judged"]
     wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
-    # On these grids the steps do not depend on the estimate: the truth itself was changed.
+    # On these grids the steps do not depend on the estimate, so the truth itself has changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
             old[name] == now.evaluated_on[name]
@@ -341,12 +343,12 @@ def differences(entry: Json, now: Measured) -> list[str]:
 
 
 def check_equal(entry: Json, now: Measured) -> None:
-    """Check that two intervals of the same comparable data overlap.
+    """Check that the intervals of a result and its entry overlap if their data are the same.
 
     Raises
     ------
     SolverError
-        They have none.
+        The data are the same, and the intervals do not overlap.
     """
     own, old = (
         [Interval(lower=low, upper=high)]
@@ -357,23 +359,23 @@ def check_equal(entry: Json, now: Measured) -> None:
 
 
 def dump(baseline: Baseline) -> str:
-    """Return the baseline as JSON: sorted, a line for each number, full doubles."""
+    """Return the baseline as JSON: sorted keys, a line for each number, all digits of doubles."""
     return json_text({"schema": SCHEMA, "pairs": baseline})
 
 
 def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
-    """Read a baseline; None if there is no such file. `renewed` as for `parse`.
+    """Read a baseline; None if there is no such file. `renewed` is that of `parse`.
 
     Raises
     ------
     ConfigError
-        It cannot be read, or is no baseline of this version.
+        The file cannot be read, or is not a baseline of this version.
     """
     return None if is_missing(path) else parse(read_bytes(path, ConfigError), path, renewed)
 
 
 CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
-"""Text of git where two branches changed the same lines, with the lines of either side."""
+"""Merge conflict of git, with the lines of each side as a group."""
 
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
@@ -381,12 +383,12 @@ MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
     """Read a baseline from the text of a file; `path` begins the messages.
 
-    Entries that two branches changed may be there if `renewed` says that they are made anew.
+    Entries in a merge conflict are allowed if an update renews all of them; `renewed` tests a name.
 
     Raises
     ------
     ConfigError
-        It is no baseline of this version, or in conflict.
+        The text is not a baseline of this version, or has a merge conflict.
     """
     name = f"{path}: is not a baseline"
     pairs: Baseline
@@ -422,7 +424,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """Return the description of the values at these paths."""
+    """Return the description of these values, for checks of the file."""
     return nested(dict.fromkeys(paths, COST))
 
 
@@ -447,7 +449,7 @@ BASELINE = {
         }
     }
 }
-"""Description of the fields."""
+"""Description of the fields of a baseline."""
 
 
 def _contradiction(entry: Json) -> str | None:
@@ -470,7 +472,7 @@ def _contradiction(entry: Json) -> str | None:
 
 
 def patterns_of(names: set[str], everything: set[str]) -> list[str]:
-    """Return patterns that match only these names: `slow/*` where all of it is meant."""
+    """Return patterns that match only these names: `slow/*` if all names in `slow` are meant."""
     all_of, chosen_of = (
         Counter(name.partition("/")[0] for name in some if "/" in name)
         for some in (everything, names)

@@ -1,4 +1,4 @@
-"""Judging rows: pairs against a baseline by rules, or the baseline that is made of them."""
+"""Verdicts on the rows of pairs, by rules and a baseline; and updates of the baseline."""
 
 import json
 import os
@@ -43,24 +43,24 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.quoting import option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
-"""Rules by their names in a suite and as parameters."""
+"""Parameters of rules, by their names in a suite."""
 
 Evaluated = tuple[Row, Mapping[str, object]]
 """The row of a pair, and the options that made it."""
 
 Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
-"""Evaluates jobs and yields their rows in order; options in the baseline come first."""
+"""Callable that receives jobs and a baseline, whose options are defaults, and yields rows."""
 
 
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """Return the groups of a suite, or one made of the options of the command line.
+    """Return the groups of a suite, or the groups by ``--group``.
 
     Raises
     ------
     ConfigError
-        Something is wrong with them.
+        An option of groups is wrong, or there are options of groups without groups.
     """
     if gate.group is None:
         for name, value in (("confidence", gate.confidence), ("seed_label", gate.seed_label)):
@@ -92,7 +92,7 @@ def rules_of(
     Raises
     ------
     ConfigError
-        One is wrong; or there is no baseline, and they are not all absolute limits.
+        A rule is wrong; or there is no baseline, and not all rules are absolute limits.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
@@ -114,7 +114,7 @@ def rules_of(
 
 
 class OverInputError(ConfigError):
-    """The JUnit report would be written over what is read."""
+    """Error: the JUnit report would overwrite an input."""
 
 
 def check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -123,7 +123,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
     Raises
     ------
     OverInputError
-        It is one of these files, the suite, the baseline or the configuration.
+        The report is one of these files, the suite, the baseline or the configuration.
     """
     if not gate.junit:
         return
@@ -136,12 +136,12 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Check that the options of an update go together.
+    """Check the options of an update of the baseline.
 
     Raises
     ------
     ConfigError
-        They do not, or there is no file to make.
+        An option needs an update, or no file is named for the baseline.
     """
     for name, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
@@ -159,7 +159,7 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
     Raises
     ------
     ConfigError
-        It is neither.
+        `since` is neither a file nor a time.
     """
     try:
         exists = os.path.exists(since)
@@ -228,17 +228,17 @@ def judge_pairs(
 
 
 def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
-    """Return the command that was typed, with options that accept what failed."""
+    """Return the command that was typed, with options that accept the result."""
     command = without_option(gate.typed, "--against")
     at = command.index("--") if "--" in command else len(command)
-    # In the environment of pre-commit, the program is not where shells look for it.
+    # Shells do not find a program that is installed in the environment of pre-commit.
     from_hook = "PRE_COMMIT" in os.environ
     program = (sys.executable, "-m", "tgospa_eval") if from_hook else ("tgospa-eval",)
     return (*program, "gate", *command[:at], *accepted, *command[at:])
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """Return notes about groups with too few seeds to show any change."""
+    """Return notes about groups that have too few seeds for the test."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
@@ -254,7 +254,7 @@ def _judge_all(
     *,
     strict: bool,
 ) -> list[PairOutcome]:
-    """Judge all groups and pairs; wrong files do not keep others from being judged."""
+    """Judge all groups and pairs; pairs with wrong files do not stop the others."""
     missing = f"no such file: {path}" if baseline is None else f"not in {path}"
     old = baseline or {}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
@@ -310,7 +310,7 @@ def _judge_all(
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Return values of a row or what is wrong with it, and more for its outcome."""
+    """Return the values of a row, or its error; and further fields of its outcome."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about
@@ -322,7 +322,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 
 
 MAX_PAGES = 200
-"""Up to so many pairs each has a page; of more only those that do not pass."""
+"""Largest number of pairs that all have a page; of more, only failing ones have."""
 
 IN_GROUP = "not in the baseline: judged only in its group"
 
@@ -336,7 +336,7 @@ def _updated(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Renew the entries of all pairs, or of those that are named; all of these or none."""
+    """Renew the entries of all or of the chosen pairs; an error leaves the baseline unchanged."""
     chosen = [pair for pair in pairs if gate.chosen(pair.name)]
     faults = [
         pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault

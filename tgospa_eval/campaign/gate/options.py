@@ -1,4 +1,4 @@
-"""Options of a gate: what to judge by, and what to write. Imports nothing heavy, for the help."""
+"""Options of a gate: rules and files to write. Imports only light modules, for a fast help."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
@@ -17,11 +17,11 @@ _gate = partial(setting, "Gate", stored=False)
 class GateOptions(Values):
     """Rules to judge by, settings of the evaluation, and files to write.
 
-    A default yields to the baseline, that to a configuration file, that to the suite, that to the
-    environment, that to a flag. `evaluation` has the options of the evaluation by field, `sources`
-    where the value of each parameter comes from (``commandline``, ``environment``, ``default_map``
-    for a configuration file, or ``default``), `typed` the arguments, for commands that messages
-    propose.
+    Options come, the strongest first, from flags, the environment, the suite, a configuration file,
+    the baseline, and defaults. `evaluation` has the options of the evaluation by field. `sources`
+    has the source of each parameter: ``commandline``, ``environment``, ``default_map`` (a
+    configuration file) or ``default``. `typed` has the arguments of the command line, for commands
+    that messages propose.
     """
 
     baseline: str | None = _stored(
@@ -41,7 +41,7 @@ class GateOptions(Values):
         shown="total:+0.001%",
     )
     warn_on: tuple[str, ...] = _stored(
-        "--warn-on RULE", "The same, but only warn. Repeatable.", default=()
+        "--warn-on RULE", "Like --fail-on, but only warn. Repeatable.", default=()
     )
     maximum: tuple[str, ...] = _stored(
         "--max NAME=VALUE",
@@ -65,18 +65,18 @@ class GateOptions(Values):
     )
     strict: bool = _gate(
         "--strict",
-        "Fail if a group is above its limit, although its seeds may be the reason.",
+        "Fail if a group is above its limit, even if its seeds may be the reason.",
     )
     against: str | None = _gate(
         "--against TARGET",
         "Judge the estimates of this branch by the suite, the baseline, the truths and the "
         "configuration of the target branch, a git revision such as origin/main, or of a folder, "
-        "./target; what this branch has of these, and the environment, count for nothing.",
+        "./target. Those of this branch, and the environment, are ignored.",
     )
     newer_than: str | None = _gate(
         "--newer-than FILE|TIME",
-        "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: the "
-        "tracker did not run.",
+        "Fail for estimates that were written before this file, or this time (2026-11-28T06:00): "
+        "the tracker did not run.",
     )
     output: str | None = _gate(
         "-o, --output DIR",
@@ -90,18 +90,18 @@ class GateOptions(Values):
     )
     prune: bool = _gate(
         "--prune",
-        "With --update-baseline, remove entries of pairs that are there no more.",
+        "With --update-baseline, remove entries of pairs that no longer exist.",
     )
     group: str | None = _gate(
         "--group LABELS",
         "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
-        "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a change "
-        "is more than their noise.",
+        "judge the sums by --fail-on; all adds up all pairs. Runs with different seeds show "
+        "whether a change is more than noise.",
     )
     confidence: float | None = _gate(
         "--confidence P",
-        "Of what is inferred from runs with other seeds: a tracker that is as good as the limit "
-        "fails in at most 1 - P of all gates.",
+        "Confidence of the test with runs of different seeds: a tracker that is as good as the "
+        "limit fails in at most 1 - P of all gates.",
         shown="0.975",
     )
     seed_label: str | None = _gate(
@@ -132,14 +132,14 @@ class GateOptions(Values):
         return self.sources.get(name) in ("commandline", "environment")
 
     def chosen(self, name: str) -> bool:
-        """Return whether an update is about this pair."""
+        """Return whether an update renews this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
 
     @property
     def renewed(self) -> Callable[[str], bool] | None:
-        """Test for entries that an update makes anew; None without an update."""
+        """Test for the names of entries that an update renews; None without an update."""
         return self.chosen if self.update_baseline else None
 
     def prefix(self, name: str) -> str:
-        """Return the beginning of a line about a pair: its name, where there are several."""
+        """Return the beginning of a message about a pair: its name, if there is a suite."""
         return f"{clipped(name)}: " if self.suite else ""

@@ -24,7 +24,7 @@ WIDTHS = (16, 20, 11, 11, 11, 0)
 
 
 def title(outcome: PairOutcome) -> str:
-    """Return the title of a pair, or a group."""
+    """Return the title of a pair or a group."""
     if outcome.group:
         return f"group {outcome.name}"
     return outcome.estimate if outcome.name == ONLY_PAIR and outcome.estimate else outcome.name
@@ -56,7 +56,7 @@ def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool
 
 
 UNPROVEN = "the reported split, not proven: another assignment may have the same total"
-"""Note on values that are marked."""
+"""Note on values with a ``*``."""
 
 LIMITS = ("baseline", "limit", "now")
 
@@ -64,17 +64,17 @@ LIMITS = ("baseline", "limit", "now")
 def rows_of(
     report: Report,
 ) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
-    """Yield for each rule the pair, its text, baseline, limit, value, verdict, whether proven.
+    """Yield a row for each rule: pair, text, (baseline, limit, value), verdict, whether proven.
 
-    Of an update each value that changes, before and after; of what could not be judged a single
-    row without numbers.
+    An update has a row for each value that changes, with the old and the new value. A pair that
+    could not be judged has a single row without numbers.
     """
     for outcome in report.outcomes:
         for path, change in outcome.changes.items():
             yield outcome, path, change, "", True
         for finding in outcome.findings:
             base = None if finding.rule.absolute else finding.base
-            # The bound on which the verdict depends.
+            # The value of the row is the bound on which the verdict depends.
             first = (finding.verdict is Verdict.FAIL) is not finding.rule.is_minimum
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
@@ -91,7 +91,7 @@ def table(report: Report, width: int = table_text.WIDTH) -> str:
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
     shown = all_rows
-    if len(all_rows) > MANY_ROWS:  # an update shows the totals only
+    if len(all_rows) > MANY_ROWS:  # a long update shows only totals
         shown = [row for row in all_rows if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
@@ -127,11 +127,11 @@ def table(report: Report, width: int = table_text.WIDTH) -> str:
 
 
 MANY_ROWS = 40
-"""Rules of which those that pass are not shown one by one."""
+"""Number of rules above which passing rules are not shown one by one."""
 
 
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
-    """Yield notes on pairs, each sentence once; errors have none, as they are on stderr."""
+    """Yield notes on pairs, each sentence once; without errors, which are on stderr."""
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
         for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
@@ -141,11 +141,11 @@ def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
 
 
 SAID_OF = 3
-"""Pairs that a note names."""
+"""Largest number of pairs that a note names."""
 
 
 def shortened(names: Sequence[str], width: int) -> list[str]:
-    """Shorten names to so many characters, different where the names differ, if that can be."""
+    """Shorten names to this width; keep different names different if possible."""
     if max(map(len, names), default=0) <= width:
         return [*names]
     parts = [name.split("/") for name in names]
@@ -153,7 +153,7 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Names such as run-01-of-the-suite share the ends of their parts as well.
+        # Names such as run-01-of-the-suite have common beginnings and ends within a part.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -170,35 +170,35 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
 
 
 def _prefix(names: Sequence[str]) -> str:
-    """Return the common prefix, which leaves a character of each at least."""
+    """Return the common prefix; at least one character of each name is left over."""
     return min(names)[: _common(names)]
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """Count the first parts that are the same in all, which leaves one of each at least."""
+    """Count the first parts that are the same in all; at least one part of each is left over."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
 
 def accept_title(report: Report) -> str:
-    """Return the title of the command that accepts what failed."""
+    """Return the heading of the command that accepts the result."""
     until = f"; {report.against} judges until it has this" if report.against else ""
     return f"To accept this, if it is right{until}"
 
 
 IN_NOISE = "in noise"
-"""Above the limit, and within what seeds do."""
+"""Verdict in reports: above the limit, but seeds can explain it."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
 
 def in_words(verdict: Verdict) -> str:
-    """Spell a verdict for readers."""
+    """Return a verdict as reports write it."""
     return IN_NOISE if verdict is Verdict.NOISE else verdict
 
 
 def shown_verdict(finding: Finding) -> str:
-    """Return the verdict of a rule; one that only warns and is not proven to hold is a warning."""
+    """Return the verdict of a rule; that of a broken or undecided warning is ``warning``."""
     return "warning" if finding.warning else in_words(finding.verdict)
 
 
@@ -229,7 +229,7 @@ def json_report(report: Report) -> str:
 
 
 OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
-"""Fields of a pair that the JSON has as they are."""
+"""Fields of a pair that are copied to the JSON."""
 
 
 def _pair(outcome: PairOutcome) -> Json:
@@ -243,7 +243,7 @@ def _pair(outcome: PairOutcome) -> Json:
 
 
 def finding_record(finding: Finding) -> Json:
-    """Return a finding as the JSON has it."""
+    """Return the record of a finding in the JSON."""
     return {
         "rule": finding.rule.text,
         "warns": finding.rule.warns,
@@ -265,17 +265,17 @@ def _inference(inference: Inference) -> Json:
 
 
 def _finite(value: float) -> float | None:
-    """Return the number, if JSON can express it."""
+    """Return the number; None for one that JSON cannot express."""
     return value if math.isfinite(value) else None
 
 
 def markdown(report: Report) -> str:
-    """Return a table for a pull request, of a length that comments may have."""
+    """Return the Markdown report, cut to the length of a comment on a pull request."""
     return summary(report, COMMENT).decode()
 
 
 def github_lines(report: Report) -> Iterator[str]:
-    """Yield the Markdown report: the verdict, what fails and why, the rest, what passes."""
+    """Yield lines of the Markdown report: verdict, failures and reasons, the rest, passed rules."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
     bad, quiet = (
@@ -321,7 +321,7 @@ def github_lines(report: Report) -> Iterator[str]:
 
 
 def advice_lines(report: Report) -> list[str]:
-    """Return the lines of Markdown that propose the command which accepts what failed."""
+    """Return Markdown lines with the command that accepts the result."""
     if not report.advice:
         return []
     return [
@@ -331,7 +331,7 @@ def advice_lines(report: Report) -> list[str]:
 
 
 FOLDED = 5
-"""Passing rules beyond which Markdown folds them."""
+"""Number of passing rules above which Markdown folds them."""
 
 
 def change(values: tuple[float | None, ...]) -> str | None:
@@ -355,19 +355,19 @@ GATE_REPORTS = {
 # -------------------------------------------------------------------------------------------------
 # Report for GitHub Actions: annotations and the step summary, within GitHub's limits.
 #
-# Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
+# GitHub shows ten errors and ten warnings of a step, and a summary of at most 1 MiB.
 
 MAX_ANNOTATIONS = 10
-"""Annotations of one kind that GitHub shows of a step."""
+"""Largest number of annotations of one kind that GitHub shows for a step."""
 
 LONGEST = 1000
-"""Characters of a message."""
+"""Largest number of characters of a message."""
 
 SUMMARY = 1_000_000
-"""Bytes of the step summary."""
+"""Largest number of bytes of the step summary."""
 
 COMMENT = 60_000
-"""Bytes of a comment on a pull request, of at most 65,536 characters."""
+"""Largest number of bytes of a comment; GitHub allows 65,536 characters."""
 
 TRUNCATED = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
@@ -406,9 +406,9 @@ def _command(kind: str, heading: str, text: str) -> str:
 
 
 def append_summary(report: Report, path: str | None) -> None:
-    """Append the Markdown report to the step summary, whole lines as far as they fit.
+    """Append as many whole lines of the Markdown report to the step summary as fit.
 
-    Outside of GitHub Actions there is none, and nothing is done.
+    Outside of GitHub Actions there is no summary, and nothing is done.
 
     Raises
     ------
@@ -424,11 +424,11 @@ def append_summary(report: Report, path: str | None) -> None:
 
 
 def summary(report: Report, room: int) -> bytes:
-    """Return the Markdown report in at most so many bytes."""
+    """Return the Markdown report in at most `room` bytes."""
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command is always included, unless it would leave no room for anything else.
+    # The command is included unless it needs more than half of the room.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(TRUNCATED.encode()) + len(END) + len(advice)
@@ -451,17 +451,16 @@ END = b"\n</details>\n"
 # -------------------------------------------------------------------------------------------------
 # Report as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
 #
-# A rule that is broken is a failure, what could not be judged an error; a warning passes with a
-# text.
-# Written by hand: to import a library for XML takes as long as a small evaluation.
+# A broken rule is a failure. A rule that could not be judged is an error. A warning passes with a
+# text. The XML is written without a library, whose import takes as long as a small evaluation.
 
 SUITE = "tgospa-eval gate"
 PAGE = "gate.html"
-"""The page of all pairs, in the folder of ``-o``."""
+"""File name of the page of all pairs, in the folder of ``-o``."""
 
 
 def junit(report: Report, folder: str | None = None) -> str:
-    """Return the report as a document; `folder` has its pages, to which cases that fail point."""
+    """Return the report as a document; failing cases link to their pages in `folder`."""
     cases: list[str] = []
     for outcome in report.outcomes:
         messages = report.messages(*outcome.warnings)
@@ -487,7 +486,7 @@ def junit(report: Report, folder: str | None = None) -> str:
 
 
 def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
-    """Yield a case for each rule, or one for an error; the first has time and lines."""
+    """Yield a case for each rule, or one without rules; the first has the time and messages."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
         kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
@@ -510,7 +509,7 @@ def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
         seconds = 0.0 if place else outcome.seconds
-        # The name has no limit in it, so that a case keeps its history when the limit changes.
+        # The name does not have the limit, so that a case keeps its history if the limit changes.
         rule = finding.rule
         kind = (
             (" min" if rule.is_minimum else " max") if rule.absolute else " less" * rule.is_minimum
@@ -543,7 +542,7 @@ def _attributes(values: dict[str, str]) -> str:
 # The folder of a gate: a page with verdicts and changes, and the pages of pairs.
 
 LEVELS = (0.01, 0.03, 0.1, 0.3)
-"""Relative changes from which on a cell is darker."""
+"""Relative changes at which a cell becomes darker."""
 
 
 def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
@@ -552,7 +551,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
     Parameters
     ----------
     report : Report
-        What the gate found.
+        Result of the gate.
     seed : str
         The label in which runs of one scene differ.
     """
@@ -566,7 +565,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 
 def page(report: Report, seed: str) -> str:
-    """Return the page of all pairs: words and numbers from a template, without a script."""
+    """Return the page of all pairs: HTML from a template, without scripts."""
     from tgospa_eval.show.html import images, still_page  # lazy: for folders only
 
     rows = [
@@ -602,7 +601,7 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Return seeds, and for each scene a cell for each seed; nothing without values."""
+    """Return the seeds, and for each scene a cell for each seed; empty without values."""
     scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:
@@ -618,7 +617,7 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
 
 
 def _totals(report: Report, seed: str) -> dict[str, tuple[list[float], list[float]]]:
-    """Return the totals of runs of the baseline, and those of now, by scene."""
+    """Return the totals of the runs by scene: those of the baseline, and the new ones."""
     totals: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:
         if one.values and one.base and seed in one.labels:

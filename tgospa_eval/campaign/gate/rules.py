@@ -1,4 +1,4 @@
-"""Rules of a gate: limits for values with brackets, and what these prove."""
+"""Rules of a gate: limits for values with brackets, and the verdicts that the brackets prove."""
 
 import math
 import re
@@ -18,23 +18,23 @@ PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
-"""Values of one optimal assignment; another one may split the same total in another way."""
+"""Values of one optimal assignment; another may split the same total in another way."""
 
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
-"""Values of the assigned pairs of one optimal assignment; classes have none."""
+"""Values of the assigned pairs of one optimal assignment; not evaluated by class."""
 
 RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
-"""All that a rule can name, but for those of classes."""
+"""All values that a rule can name, without those of classes and of the summary."""
 
 
 def is_beside(path: str) -> bool:
-    """Return whether a value is not of the cost, but of the assigned pairs: NEES or the summary."""
+    """Return whether a value is that of assigned pairs (NEES or the summary), not of the cost."""
     return path in OF_NEES or names_summary(path)
 
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""Ends of a path, the longer of two first: ``counts.missed`` before ``missed``."""
+"""Last parts of a path, longer ones first: ``counts.missed`` before ``missed``."""
 
 TOLERANCE = 1e-6
 """Tolerance of rules on the split: in counts, or in units of c^p."""
@@ -43,7 +43,7 @@ MIN_SLACK = 1e-9
 """Smallest slack of the default rule, in units of c^p."""
 
 NO_CHANGE = 1e-9
-"""Relative change that is no improvement."""
+"""Largest relative change that does not count as an improvement."""
 
 _RULE = r"(?P<path>.+):(?P<sign>[+-])\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
 _RANGE = r"(?P<path>.+):\s*(?P<least>[^:]*?)\s*\.\.\s*(?P<most>[^:]*)"
@@ -72,7 +72,7 @@ STATUS = {
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
     Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
-"""Exit status of each verdict; an error may bring its own."""
+"""Exit status of each verdict; an error may have its own."""
 
 SEVERITY = (
     ExitStatus.REGRESSION,
@@ -83,8 +83,7 @@ SEVERITY = (
 )
 """Exit statuses, the worst first.
 
-A proven regression comes before everything: who tolerates 2 or 4 in a pipeline must not thereby let
-one pass.
+A proven regression comes first: a pipeline that tolerates 2 or 4 must not let a regression pass.
 """
 
 
@@ -95,16 +94,16 @@ def worst(statuses: Iterable[int]) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Value(Interval):
-    """A number and what is known of it.
+    """A number with its bracket.
 
     Parameters
     ----------
     lower, upper : float
-        The bracket; of a value of the split both are the reported number.
+        Ends of the bracket; for a value of the split both are the reported number.
     proven : bool
         Whether the bracket is proven.
     unit : float
-        c^p for costs, 1 for counts: the scale of tolerances.
+        Scale of tolerances: c^p for costs, 1 for counts.
     """
 
     proven: bool
@@ -128,21 +127,21 @@ class Rule:
     Parameters
     ----------
     text : str
-        As it was given.
+        Text of the rule, as the user wrote it.
     path : str
         Name of the value.
     slack : float
-        How much worse than the baseline is allowed; of `absolute` the limit itself.
+        Amount by which the value may be worse than the baseline; if `absolute`, the limit.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
-        Least slack, in units of the value.
+        Smallest slack, in units of the value.
     absolute : bool
         Whether the limit does not depend on the baseline.
     is_minimum : bool
-        Whether it is the least value that is allowed, not the largest.
+        Whether the limit is the smallest allowed value, not the largest.
     warns : bool
-        Whether breaking it is a warning only.
+        Whether a broken rule is only a warning.
     """
 
     text: str
@@ -155,7 +154,7 @@ class Rule:
     warns: bool = False
 
     def limit(self, base: float | None, unit: float) -> float:
-        """Return the last value that keeps the rule, given that of the baseline."""
+        """Return the limit, the worst value that keeps the rule, given the baseline value."""
         if self.absolute:
             return self.slack
         if base is None:
@@ -168,31 +167,33 @@ class Rule:
 
 
 DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
-"""The rule that holds where none is given."""
+"""The rule of a gate without other rules."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """Statement about the tracker from runs with other seeds, beside the proof for these files.
+    """Inference about the tracker from runs with different seeds, next to the proof for the files.
 
     Parameters
     ----------
     p_value : float
-        Of a tracker that is as good as the limit.
+        P value for the hypothesis that the tracker is as good as the limit.
     confidence : float
-        What is above 1 - p is supported.
+        Confidence of the test: a change is supported if its p value is at most 1 - confidence.
     runs : int
-        How many there are now.
+        Number of new runs.
     needed : int
-        With how many something is inferred.
+        Number of runs that the test needs.
     paired : bool
         Whether the seeds are those of the baseline.
     noticeable : float
-        The relative change against the baseline that these runs would notice; may be infinite.
+        Relative change against the baseline that these runs would detect; may be infinite.
     better : float
-        P value of a tracker that is better than the baseline by the slack of the rule.
+        P value for the hypothesis that the tracker is better than the baseline by no more than the
+        slack of the rule.
     jump : str
-        The scene or run that is far outside the spread of its seeds; blank if there is none.
+        Note on the scene or run whose total is far above the usual spread of its seeds; may be
+        blank.
     """
 
     p_value: float
@@ -205,7 +206,7 @@ class Inference:
     jump: str = ""
 
     def supports(self, p_value: float) -> bool:
-        """Return whether this is below what the confidence leaves."""
+        """Return whether this p value is at most 1 - confidence."""
         return p_value <= 1 - self.confidence + 1e-12
 
 
@@ -220,17 +221,17 @@ class Finding:
     base : float or None
         Value of the baseline.
     limit : float
-        The last value that keeps the rule.
+        The worst value that keeps the rule.
     now : Value
-        Value of this run.
+        New value.
     verdict : Verdict
-        Pass, fail or undecided.
+        Verdict on the rule.
     inference : Inference, optional
-        Of a group of runs with other seeds.
+        Inference for a group of runs with different seeds.
     noisy : bool
-        Whether it is of one such run, which says nothing of an improvement.
+        Whether the value is that of one such run, which does not show an improvement.
     note : str
-        What is said of it in place of the usual.
+        Message that replaces the usual one; may be blank.
     """
 
     rule: Rule
@@ -244,17 +245,17 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if the change is proven by brackets of values on the same truths."""
+        """True if brackets of values on the same truths prove the change."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """True if the rule only warns, and is not proven to hold."""
+        """True if the rule only warns, and is broken or undecided."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
     def improved(self) -> bool:
-        """True if the value is better than the baseline by more than the rule's slack."""
+        """True if the value is better than the baseline by more than the slack of the rule."""
         if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
@@ -286,7 +287,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """Parse the rule ``PATH:+N`` or ``PATH:+N%``.
 
-    ``PATH:-N`` is how much less than in the baseline NEES, or a number of the summary, may be.
+    ``PATH:-N`` allows NEES, or a number of the summary, to be N less than in the baseline.
 
     Raises
     ------
@@ -339,12 +340,14 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Return all rules of texts, each of which may be a list; by default the usual one.
+    """Return the rules of texts, each of which may be a list with commas.
+
+    With `default`, no `fail_on` means the default rule.
 
     Raises
     ------
     ConfigError
-        One is wrong.
+        A rule is wrong.
     """
     return [
         *([*_parsed(fail_on, "fail_on")] or [DEFAULT][:default]),
@@ -354,7 +357,7 @@ def parse_rules(
 
 
 def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
-    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` has a rule for each end."""
+    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` is a rule for each end."""
     for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
@@ -379,9 +382,9 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
-    """Return the class, if any, and the value that a path may mean, likeliest first.
+    """Return pairs of class (or None) and value that a path may mean, the likeliest first.
 
-    The name of a class may have dots: the longer tail comes first, ``counts.missed`` before
+    The name of a class may have dots. The longer tail comes first: ``counts.missed`` before
     ``missed``.
     """
     if not path.startswith(BY_CLASS):
@@ -393,7 +396,7 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
 def _each(texts: Iterable[str]) -> Iterator[str]:
     """Yield the rules of lists with commas.
 
-    Only a comma after the number ends a rule: the name of a class may have commas itself.
+    Only a comma after the number ends a rule, since the name of a class may have commas.
     """
     for text in texts:
         parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)

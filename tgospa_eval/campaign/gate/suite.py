@@ -1,4 +1,4 @@
-"""Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
+"""Suites: several pairs to judge, listed in a TOML file. Reads no data files."""
 
 import filecmp
 import os
@@ -20,19 +20,19 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.quoting import listed, quoted
 
 # -------------------------------------------------------------------------------------------------
-# Files of the target branch: of a git revision, or of a folder beside the working tree.
+# Files of the target branch: those of a git revision, or of a folder with a checkout.
 
 OPTION = "--against"
 
 
 class Target:
-    """Reads files of the target by their paths in the working tree.
+    """Reader of files of the target, by their paths in the working tree.
 
     Parameters
     ----------
     where : str
-        A git revision such as ``origin/main``, or a folder with a checkout of the target, which
-        is written as no revision is: ``./target``, ``/target``, ``target/``.
+        A git revision such as ``origin/main``, or a folder with a checkout of the target. The form
+        of a folder differs from that of revisions: ``./target``, ``/target``, ``target/``.
 
     Raises
     ------
@@ -60,12 +60,12 @@ class Target:
         return f"{self.where}:{path}" if self.commit else os.path.join(self.where, path)
 
     def read(self, path: str) -> bytes | None:
-        """Return the content of a file, links followed; None where the target has no such file.
+        """Return the content of a file, with links followed; None if the target lacks the file.
 
         Raises
         ------
         ConfigError
-            It cannot be read.
+            The file cannot be read.
         """
         if not self.commit:
             path = os.path.join(self.where, os.path.relpath(path))
@@ -90,11 +90,11 @@ class Target:
         return content
 
     def has(self, path: str) -> bool:
-        """Return whether it has this file, or a folder with files."""
+        """Return whether the target has this file, or a folder of this name with files."""
         return not self._with_folders.isdisjoint(_places(path))
 
     def has_another(self, path: str) -> bool:
-        """Return whether it has this file, or a file of this folder, with another content."""
+        """Return whether the target has other content in this file, or in a file of this folder."""
         if self.commit:
             return not self._changed.isdisjoint(_places(path))
         file = os.path.join(self.where, os.path.relpath(_file(path)))
@@ -106,12 +106,12 @@ class Target:
 
     @cached_property
     def missing(self) -> list[str]:
-        """Its files that the working tree lacks, by their paths from the current folder."""
+        """Files of the target that the working tree lacks, as paths from the current folder."""
         return [os.path.relpath(file) for file in self._files if not os.path.lexists(file)]
 
     @cached_property
     def _files(self) -> list[str]:
-        """All its files, by their paths in the working tree."""
+        """All files of the target, as paths in the working tree."""
         if self.commit:
             tree = ("ls-tree", "-r", "-z", "--name-only", "--full-tree", self.commit)
             return self._listed(*tree)
@@ -123,19 +123,19 @@ class Target:
 
     @cached_property
     def _changed(self) -> set[str]:
-        """Files with another content in the working tree, or that it lacks; and their folders.
+        """Files that differ or are missing in the working tree, and their folders.
 
-        By git, which knows of ends of lines and of large files that are kept elsewhere.
+        git compares them: it allows for line endings, and for large files that are kept elsewhere.
         """
         return _with_folders(self._listed(*DIFF, self.commit))
 
     def _listed(self, *arguments: str) -> list[str]:
-        """Return paths that git lists, in the working tree.
+        """Return the paths that git lists, as paths in the working tree.
 
         Raises
         ------
         ConfigError
-            It fails.
+            git fails.
         """
         top, names = _git("rev-parse", "--show-toplevel"), _git(*arguments)
         if top is None or names is None:
@@ -157,13 +157,13 @@ DIFF = (
 
 
 def _file(path: str) -> str:
-    """Return the file of a path, which may name a variable in it."""
+    """Return the file of a path, which may name a variable inside the file."""
     named = re.match(WITH_VARIABLES, path)
     return named[1] if named else path
 
 
 def _places(path: str) -> set[str]:
-    """Return the paths of a file: as its links name it, and where it is."""
+    """Return the paths of a file: with links, and with links resolved."""
     return {os.path.abspath(_file(path)), os.path.realpath(_file(path))}
 
 
@@ -175,7 +175,7 @@ def _walk(folder: str) -> Iterator[str]:
 
 
 def _with_folders(files: Iterable[str]) -> set[str]:
-    """Return files, and the folders above them."""
+    """Return these files and all folders above them."""
     paths = set[str]()
     for file in files:
         while file not in paths:
@@ -185,7 +185,7 @@ def _with_folders(files: Iterable[str]) -> set[str]:
 
 
 def _git(*arguments: str, given: bytes = b"") -> bytes | None:
-    """Return the output of a git command that only reads; None where it fails."""
+    """Return the output of a git command that only reads; None if it fails."""
     try:
         done = subprocess.run(("git", *arguments), input=given, capture_output=True, check=False)
     except FileNotFoundError:
@@ -199,16 +199,16 @@ SUITE_KEYS = ("baseline", "pair", "group", "limits", "options", *RULE_KEYS)
 GROUP_KEYS = ("name", "confidence", "seed", *RULE_KEYS)
 LIMITS_KEYS = ("match", *RULE_KEYS)
 SEED = "seed"
-"""The label in which runs of one scene differ, unless another is named."""
+"""Default label in which runs of one scene differ."""
 
 ONLY_PAIR = "pair"
-"""Name of the pair in a baseline that holds one pair only."""
+"""Name of the pair in a baseline with a single pair."""
 
 Table: TypeAlias = dict[str, object]
-"""A table of TOML that was read."""
+"""A table of a TOML file."""
 
 Rules: TypeAlias = Mapping[str, tuple[str, ...]]
-"""Texts of rules by `RULE_KEYS`."""
+"""Texts of rules, by the keys `RULE_KEYS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,11 +218,11 @@ class GroupTable:
     Parameters
     ----------
     name : str
-        With labels in braces, ``"{scenario}"``; without one all pairs are one group.
+        Pattern with labels in braces, ``"{scenario}"``; without a label all pairs are one group.
     rules : tuple of Rule
-        Of each group.
+        Rules of each group.
     confidence : float
-        Of what is inferred.
+        Confidence of the test with seeds.
     seed : str
         The label in which runs of one scene differ.
     """
@@ -237,7 +237,7 @@ class GroupTable:
         return labels.keys() >= {*patterns.fields(self.name)}
 
     def group_of(self, labels: Mapping[str, str]) -> str | None:
-        """Return the name of the group of such a pair, if it is in one."""
+        """Return the name of the group of a pair with these labels; None without a group."""
         return patterns.fill(self.name, labels) if self.has(labels) else None
 
 
@@ -246,21 +246,22 @@ def load_suite(
 ) -> tuple[list[Job], list[GroupTable], str | None, list[str]]:
     """Return pairs and groups of a suite, its baseline if it names one, notices of skipped files.
 
-    Paths are relative to its folder; pairs are in its order, those of one pattern by name.
+    Paths are relative to the folder of the suite. Pairs are in its order, those of one pattern by
+    name.
 
     Parameters
     ----------
     path : str
         The TOML file.
     known : mapping of str to bool
-        Options that it may set, and whether each is a flag.
+        Options that the suite may set, and whether each is a flag.
     target : Target, optional
-        What has the file, and demands the pairs whose files it has.
+        Target from which the suite is read. Pairs whose files only the target has are faults.
 
     Raises
     ------
     ConfigError
-        It cannot be read, has an unknown key, no pair, or two of one name.
+        The suite cannot be read, has an unknown key, has no pair, or has two pairs of one name.
     """
     content, folder = None if target is None else target.demand(path), os.path.dirname(path)
     path = path if target is None else target.name(path)
@@ -306,7 +307,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs, those that match with the rules of the table."""
+    """Return all pairs; add the rules of the table to those whose names match."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -318,7 +319,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Return rules, and rules that go before them."""
+    """Return the rules with `own` added; a ``fail-on`` of `own` replaces the other."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -326,7 +327,7 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """Return a table of groups; its labels must be those of some pair."""
+    """Return the groups of a table; each of its labels must be a label of some pair."""
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -352,7 +353,7 @@ def make_group(
     Raises
     ------
     ConfigError
-        The confidence is out of range, or pairs have no such label.
+        The confidence is out of range, or no pair has such a label.
     """
     if not 0.5 <= confidence < 1:
         raise ConfigError(f"{where}: confidence is {confidence}: must be from 0.5 to below 1")
@@ -377,7 +378,7 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """Yield the pairs of a table: one, or one for each file of its pattern; add notices."""
+    """Yield the pair of a table, or a pair for each match of its pattern; add to the notices."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
@@ -425,12 +426,12 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Yield pairs by patterns, whose truths or trackers only the target has."""
+    """Yield pairs of patterns whose ground truths or estimates only the target has."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():
         own = patterns.values_of(truth, folder, path)
-        # An estimate that has no field of its own is missed beside its truth.
+        # Without fields of its own, a missing estimate is found by its ground truth.
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
