@@ -1,4 +1,4 @@
-"""The row of an evaluation: what a store keeps of a result, tables add up and a gate judges."""
+"""The row of an evaluation: numbers of a result that are stored, added up, and used by gates."""
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -40,17 +40,17 @@ LABEL = "label."
 """Beginning of the names of columns with labels."""
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
-"""Columns with how many rows of each side are at none of the steps that were declared."""
+"""Columns with the number of rows of each side that are outside of the declared steps."""
 
 PARAMETER_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Parameters of the metric that every row has as columns."""
 
 STORED_SLICES = "slices"
-"""Column with costs that are split, as text."""
+"""Column with the costs of slices, as JSON text."""
 
 
 def row_of(result: Evaluation) -> Row:
-    """Return the numbers of a result that tables are made of."""
+    """Return the numbers of a result for tables."""
     parameters = result.proof.parameters
     truth, estimates = result.objects
     return {
@@ -77,7 +77,7 @@ def row_of(result: Evaluation) -> Row:
 
 
 def row_to_judge(result: Evaluation) -> Row:
-    """Return the row that a gate judges or a store keeps, with those of classes."""
+    """Return the row of a result for a gate or a store, with the rows of its classes."""
     parts = result.results if isinstance(result, EvaluationByClass) else {}
     return {
         **row_of(result),
@@ -98,14 +98,14 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
 
 
 def stored_slices(result: Evaluation) -> dict[str, str]:
-    """Return the columns of slices in the row of a job."""
+    """Return the column of slices for the row of a job; empty without slices."""
     if not result.slicings:
         return {}
     return {STORED_SLICES: json.dumps([one.record() for one in result.slicings])}
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the labels of a job, and options of its own."""
+    """Return the labels of a job, and its own options as the label ``options``."""
     labels = {
         str(name).removeprefix(LABEL): str(value)
         for name, value in row.items()
@@ -116,9 +116,9 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def job_name(row: Mapping[Any, Any]) -> str:
-    """Return the name of a job: labels, or else its estimate, and options of its own.
+    """Return the name of a job: its labels, or else its estimate, and its own options.
 
-    So a suite calls it whose fields are these labels.
+    A suite whose fields are these labels gives its pairs the same names.
     """
     labels = labels_of(row)
     own = labels.pop("options", "")
@@ -139,7 +139,7 @@ OF_ALL: dict[str, FieldKind] = {
     "seconds": COST,
     "finished": COUNT,
 }
-"""Columns of every job."""
+"""Columns of all jobs."""
 
 OF_VALUES: dict[str, FieldKind] = {
     **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
@@ -163,7 +163,7 @@ OF_SOME: dict[str, FieldKind] = {
     "seconds.prepare": or_null(COST),
     **dict.fromkeys(("entropic.dual", "entropic.cost"), or_null(NUMBER)),
 }
-"""Columns that some jobs have."""
+"""Columns that only some jobs have."""
 
 SEVERAL = FieldKind(
     "a finite number, a list of such, or null",
@@ -179,7 +179,7 @@ OF_SEVERAL: dict[str, FieldKind] = {
         "a finite number, a text, or null", lambda value: TEXT.fits(value) or SEVERAL.fits(value)
     ),
 }
-"""Columns by what their names begin with."""
+"""Columns by the beginning of their names."""
 
 AS_JSON = {
     "options": {...: TEXT},
@@ -201,9 +201,9 @@ def column_fault(
     table : Table
         Rows.
     columns : mapping of str to FieldKind
-        What their values must be.
+        Required kind of the values, by column.
     numbers : (N,) int array, optional
-        Of the rows in their file.
+        Numbers of the rows in their file.
     """
     for name, kind in columns.items():
         if table.column_names.count(name) != 1:
@@ -228,7 +228,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # numbers must be in ranges
+        values = column.to_numpy()  # a kind allows a range of numbers, so the ends are enough
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -236,7 +236,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
 
 
 def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
-    """Return the types of the columns that all or some jobs have, whatever their values."""
+    """Return the kinds of the known columns of a table; any value fits columns of `OF_VALUES`."""
     begins = tuple(OF_SEVERAL)
     exact: dict[str, FieldKind] = OF_ALL | dict.fromkeys(OF_VALUES, ANYTHING) | OF_SOME
     return {
@@ -247,7 +247,7 @@ def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
 
 
 def part_fault(table: "pa.Table") -> str | None:
-    """Describe the first row that lacks something or contradicts itself; None if all are right."""
+    """Describe the first missing, wrong or contradictory value of a part; None if all are right."""
     wrong = column_fault(table, OF_ALL | known_columns(table))
     if wrong:
         return wrong
@@ -272,7 +272,7 @@ def part_fault(table: "pa.Table") -> str | None:
 def _contradictions(
     table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
 ) -> Iterator[tuple[int, str]]:
-    """Yield rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
+    """Yield rows that contradict themselves, with a note; `of_text` has the parsed JSON texts."""
     parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
     names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
@@ -297,7 +297,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows that belong together differ only in the labels that are compared.
+# Rows that are compared with each other: they differ only in the compared labels.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.coverage.digest`)."""
@@ -311,7 +311,7 @@ READ_AS_GIVEN = (
     "ignore_regions",
     *saved.OF_THE_ESTIMATE,
 )
-"""Parameters that say how a file is read, or come from what is in it: each job may have its own."""
+"""Parameters that depend on the files: each job may have its own."""
 
 
 def label_names(rows: "pd.DataFrame") -> list[str]:
@@ -320,15 +320,15 @@ def label_names(rows: "pd.DataFrame") -> list[str]:
 
 
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Return names of labels as columns beside others: one of the same name keeps ``label.``."""
+    """Return columns for labels; a label whose name is a taken column keeps ``label.``."""
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
-    """Return the rows, and names of columns with parameters in which jobs differ.
+    """Return the rows, and the names of columns with parameters in which jobs differ.
 
-    Jobs in which these differ are never added up, nor compared. A parameter that a job does not
-    have is a dash, and so is any of a job without a value.
+    Jobs with different parameters are neither added up nor compared. A missing parameter is a dash,
+    and so are all parameters of a job without a value.
     """
     having = rows[rows["status"] != "failed"]
     differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
@@ -358,14 +358,14 @@ def in_words(value: object) -> str:
 
 
 def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
-    """Return the truth of each job: the digest of its data, or its path where there is none."""
+    """Return the truth of each job: the digest of its data, or its path without a digest."""
     import pandas as pd
 
     paths = rows["truth"]
     if TRUTH_DIGEST not in rows:
         return paths
     digests = rows[TRUTH_DIGEST]
-    # A job that failed has no digest; others with the same file may.
+    # A failed job has no digest, but other jobs with the same file may have one.
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
@@ -381,16 +381,16 @@ def same_data(
     Parameters
     ----------
     names : pair of str
-        What they are called, for the message.
+        Names of the results, for the message.
     digests : pair of sequence of str
-        Of the estimate of each run; blank where there is none.
+        Digest of the estimate of each run; blank without one.
     brackets : pair of sequence of Interval
-        Of the value of each run, in one unit.
+        Bracket of the value of each run, in one unit.
 
     Raises
     ------
     SolverError
-        The values of a run are proven to differ, and yet its data are the same.
+        A run has the same data in both results, but its brackets do not overlap.
     """
     alike = [bool(own) and own == other for own, other in zip(*digests, strict=True)]
     for same, own, other in zip(alike, *brackets, strict=True):
@@ -416,19 +416,19 @@ def pair_numbers(
     Parameters
     ----------
     rows : DataFrame
-        Of a store.
+        Rows of a store.
     compared : sequence of str
-        Labels in which they may differ.
+        Labels in which jobs of one number may differ.
     parameters : sequence of str
-        Columns in which they may not.
+        Columns in which they may not differ.
     truth : bool
-        Whether they need the same truth.
+        Whether they must have the same truth.
     """
     rest = [LABEL + name for name in label_names(rows) if name not in compared]
     same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
     numbers = same.groupby(list(same), dropna=False).ngroup()
     own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
-    if own.duplicated().any():  # options of their own distinguish such jobs
+    if own.duplicated().any():  # such jobs differ in their own options
         same = same.assign(_options=rows["options"])
         numbers = same.groupby(list(same), dropna=False).ngroup()
     return numbers

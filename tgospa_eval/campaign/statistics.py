@@ -1,7 +1,7 @@
-"""Inference from several jobs: intervals and tests of the cost on other truths like these.
+"""Inference from several jobs: intervals and tests of the cost on further, similar truths.
 
-What counts are truths, for jobs of one truth are not independent of each other, or the jobs where
-there is one truth alone.
+The sample consists of truths, since jobs of one truth are not independent of each other. If there
+is only one truth, it consists of jobs.
 """
 
 import itertools
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERMUTATIONS = 9999
-"""Exchanges that are drawn, where all are not fewer."""
+"""Number of random exchanges, if there are more exchanges than this."""
 
 PERMUTATION_SEED = 1
-"""The same data have the same p values."""
+"""Fixed seed, so that the same data have the same p values."""
 
 CONFIDENCE = 0.95
-"""Level of the intervals; tests are significant below what is left of 1."""
+"""Level of the intervals; tests are significant below 1 - `CONFIDENCE`."""
 
 MIN_PAIRS = 6
-"""Pairs below which no two-sided p value can be below 0.05: the smallest is 2 / 2^n."""
+"""Smallest number of pairs with which a two-sided p value, at least 2 / 2^n, can be below 0.05."""
 
 TIE = 1e-12
-"""Tolerance relative to the sum of all sizes: sums that differ by less are equal."""
+"""Tolerance, relative to the sum of absolute values, within which sums are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Numbers that are exchanged at once."""
+"""Largest number of values in memory at once."""
 
 OF_INTERVALS = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
 """Columns of the intervals of groups."""
@@ -55,14 +55,14 @@ def intervals(
     order : float or array, shape (rows, 1)
         The order p.
     steps : array, shape (n,) or (rows, n), optional
-        Steps of each total: then of the values per step, which are ratios of sums.
+        Steps of each total; with them, intervals are those of values per step, ratios of sums.
 
     Returns
     -------
     tuple of array, shape (rows,)
         Lower and upper ends.
     """
-    # Totals are sorted, so that their order changes no bit of the sums.
+    # Totals are sorted, so that their order does not change the rounding of the sums.
     place = np.lexsort((upper, lower))
     lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
     per: Floats | float = 1.0
@@ -73,7 +73,7 @@ def intervals(
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # The largest possible deviation is that of a single total above 0: it bounds wide brackets.
+    # The deviation is largest if a single total is above 0. This limits margins of wide brackets.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -81,17 +81,17 @@ def intervals(
 
 
 FEW_EVENTS = 10
-"""Runs with a cost below which an interval counts them: of so few the jackknife knows no spread."""
+"""With fewer runs that have a cost, an interval is based on their share, not on the jackknife."""
 
 
 def rare_intervals(
     lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Return intervals of root mean squares, also where few runs have a cost at all.
+    """Return intervals of root mean squares, also if only few runs have a cost.
 
-    Of fewer than `FEW_EVENTS` such runs it is that of their share (Clopper and Pearson 1934) times
-    what one costs: the smaller, and the larger, of the mean of these and of `typical`. Coverage by
-    simulation: docs/theory/intervals.md.
+    With fewer than `FEW_EVENTS` such runs, the interval is that of their share (Clopper and Pearson
+    1934) times the cost of one. This is the smaller, for the upper end the larger, of their mean
+    cost and `typical`. Coverage by simulation: docs/theory/intervals.md.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def rare_intervals(
     order : float
         The order p.
     typical : float
-        Mean cost of a run that has some, at all times; NaN if none has.
+        Mean over all times of the costs above 0; NaN if all are 0.
 
     Returns
     -------
     tuple of array, shape (rows,)
-        Lower and upper ends; NaN where nothing is known of what one costs.
+        Lower and upper ends; NaN if the cost of a run is not known.
     """
     from scipy.special import betaincinv  # lazy: slow to import
 
@@ -127,7 +127,7 @@ def rare_intervals(
 
 
 def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
-    """Return the combined values without each total, scaled to the number of all; or per step.
+    """Return the combined values without each total, scaled to all totals, or per step.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def margins(lower: Floats, upper: Floats) -> Floats:
     Returns
     -------
     array, shape (...)
-        The largest for any values between the bounds.
+        Largest half width for any values between the bounds.
     """
     size = lower.shape[-1]
     middle, half = (lower + upper) / 2, (upper - lower) / 2
@@ -173,7 +173,7 @@ def margins(lower: Floats, upper: Floats) -> Floats:
 
 
 def student(pairs: int) -> float:
-    """Return the quantile of Student's t, two-sided, of so many pairs."""
+    """Return the two-sided quantile of Student's t for this number of pairs."""
     from scipy.special import stdtrit  # lazy: slow to import
 
     return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
@@ -190,7 +190,7 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
     Returns
     -------
     array, shape (tests,)
-        The largest for any values between the bounds.
+        Largest p value for any values between the bounds.
     """
     sides = np.concatenate([-upper, lower]).T
     tails = exchanged_p_values([(sides, 0)], np.abs(sides).sum(axis=0))
@@ -199,22 +199,23 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
 
 
 Exchangeable = tuple[Floats, int]
-"""Values (n, tests) that can be exchanged with each other, and how many of them, the first ones,
-are on the side whose sum is tested; 0 for differences of pairs, whose signs can be flipped."""
+"""Values (n, tests) that can be exchanged, and how many of the first ones are on the tested side.
+
+The number is 0 for differences of pairs, whose signs can be flipped."""
 
 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
     """Return one-sided p values of too large sums, under all exchanges or many random ones.
 
-    The statistic is the sum of the first side less that of the other, brought to as many values;
-    strata are added up. SciPy has this for one stratum, and without allowance for rounding.
+    The statistic is the sum of the first side less that of the other, scaled to the same number of
+    values. Strata are added up. SciPy has this test for one stratum, without a tolerance.
 
     Parameters
     ----------
     strata : sequence of Exchangeable
-        At least one.
+        At least one stratum.
     size : float or array, shape (tests,)
-        Of the numbers that are added: sums that differ by `TIE` of it are equal.
+        Sum of absolute values: sums that differ by at most `TIE` times it are equal.
 
     Returns
     -------
@@ -235,24 +236,24 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data themselves are one of the exchanges, which random ones may lack.
+    # The data themselves count as one more exchange, since random ones may lack it.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 
 
 def exchanges(count: int, first: int) -> int:
-    """Return the number of exchanges of so many values."""
+    """Return the number of exchanges of `count` values."""
     return math.comb(count, first) if first else 1 << count
 
 
 def _signs(count: int, first: int) -> Floats:
-    """Return the share of each value in the statistic, as the data are."""
+    """Return the factor of each value in the statistic without an exchange."""
     other = -first / (count - first) if first else 1.0
     return np.concatenate([np.ones(first), np.full(count - first, other)])
 
 
 def _all_exchanges(count: int, first: int) -> Floats:
-    """Return the statistics under every exchange, a row for each."""
+    """Return the factors of the values under every exchange, a row for each."""
     if not first:
         numbers = np.arange(1 << count)[:, None] >> np.arange(count)
         return np.where(numbers & 1, -1.0, 1.0)
@@ -263,7 +264,7 @@ def _all_exchanges(count: int, first: int) -> Floats:
 
 
 def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
-    """Return the statistics under so many random exchanges."""
+    """Return the factors of the values under random exchanges, a row for each draw."""
     count = len(signs)
     if first == 1:
         rows = np.full((draws, count), signs[-1])
@@ -276,18 +277,18 @@ def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) ->
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """Yield how many draws of so many numbers are made at a time."""
+    """Yield the numbers of draws of `size` values at a time, `count` in all."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """Return how many flips are tried: at most all, and none of too few."""
+    """Return the number of flips that are tried; 0 for too few pairs."""
     return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """Adjust p values for their number (Holm 1979), with weights if some, in the order given."""
+    """Adjust p values for their number (Holm 1979), with optional weights; keep their order."""
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
     left = np.cumsum(shares[order][::-1])[::-1]
@@ -300,7 +301,7 @@ def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Return intervals of the combined values of groups, NaN for those that are too small.
+    """Return intervals of the combined values of groups, NaN for groups that are too small.
 
     Parameters
     ----------

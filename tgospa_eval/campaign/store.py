@@ -1,7 +1,7 @@
-"""The store of a batch: settings once, and a row for each job in parts that appear whole.
+"""The store of a batch: its settings, and a row for each job in several part files.
 
-A part is written beside and renamed, so whoever is killed leaves all that was finished before, and
-nothing half. Of several rows with one key the last that is done counts.
+A part is written to a temporary file and renamed. So a killed process leaves all parts that were
+finished before, and no incomplete part. If several rows have one key, the last finished one counts.
 """
 
 import errno
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row with the steps of a job by column, on its way from a worker to the store."""
+"""Field of a row from a worker that has the steps of its job by column; not stored in the row."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
-"""Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
+"""Columns of a job with its number of rows of steps, and whether these have the curve."""
 
 COST_COLUMNS = ("total", *PARTS)
 """Columns of costs."""
@@ -48,7 +48,7 @@ COST_COLUMNS = ("total", *PARTS)
 CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
 CURVE_PARTS = tuple(f"curve.{part}" for part in PARTS)
-"""Costs of the steps up to each, per step, with the same."""
+"""Columns with the parts of the cost of the steps up to each, per step."""
 
 GOSPA_COLUMNS = ("gospa", "gospa.localisation", "gospa.missed", "gospa.false")
 
@@ -67,22 +67,22 @@ OF_STEPS = {
 OF_SOME_STEPS = dict.fromkeys(
     (*CURVE_PARTS, *GOSPA_COLUMNS, *STATE_COLUMNS, *NEES_COLUMNS), documents.or_null(documents.COST)
 )
-"""Columns that some steps have."""
+"""Columns that only some steps have."""
 
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
 ANEW = "delete the file; batch then evaluates its jobs again"
-"""Remedy for a part that is wrong."""
+"""Remedy for a damaged part."""
 
 
 @contextmanager
 def read_part(path: Path) -> Iterator[None]:
-    """Raise faults of a part as errors of the user.
+    """Turn errors of reading a part into `InputError`.
 
     Raises
     ------
     InputError
-        It cannot be read, or is wrong.
+        The part cannot be read, or is wrong.
     """
     import pyarrow as pa
 
@@ -97,9 +97,9 @@ def read_part(path: Path) -> Iterator[None]:
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the steps of a job as columns of its row, if they are requested.
 
-    These are, by column: the times as they were read; how many steps of the horizon are no later
-    than each; costs, in state units to the power p; and value of the steps up to each by
-    themselves with its bounds, as in `Result.curve`, NaN where it was not asked for.
+    The columns are the times as they were read; the number of steps of the horizon up to each;
+    costs, in state units to the power p; and the value of the steps up to each with its bounds, as
+    in `Result.curve`, which is NaN if it was not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -121,7 +121,7 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
 
 
 def step_table(rows: Sequence[Row]) -> "pa.Table | None":
-    """Return the steps of all jobs that have some, one job below the other."""
+    """Return the steps of all jobs that have some, one job after another."""
     import pyarrow as pa
 
     having = [row for row in rows if row.get(STORED_STEPS)]
@@ -143,14 +143,14 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
 
 
 def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-    """Read the steps of the jobs of these rows; None if none has any.
+    """Read the steps of the jobs of these rows; None if no job has steps.
 
     Returns
     -------
     DataFrame
-        Of each step ``job``, the number of its row; ``steps``, how many of the horizon are no
-        later; ``t`` as read; `COST_COLUMNS`; and `CURVE_COLUMNS`, NaN where they were not asked
-        for; of `OF_SOME_STEPS` those that there are.
+        A row for each step. ``job`` is the index of the row of its job, ``steps`` the number of
+        steps of the horizon up to it, ``t`` its time as read. Further columns are `COST_COLUMNS`,
+        `CURVE_COLUMNS` (NaN if not requested) and the stored ones of `OF_SOME_STEPS`.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
             if wrong:
                 raise ValueError(wrong)
             table = read.select([*OF_STEPS, *some]).to_pandas()
-            # A job is searched once, where it begins.
+            # A job is looked up only at its first step.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
                 raise ValueError("the steps of a job are not in order of time")
@@ -217,31 +217,31 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
 
 
 ALL_BYTES = 2**31 - 1
-"""Bytes of a lock file that are locked on Windows for all shards; each shard has one byte."""
+"""Bytes of the lock file that lock all shards on Windows; each shard has one byte."""
 
 NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
-"""Errors of file systems that have none, such as Lustre without the option flock."""
+"""Errors of file systems without locks, such as Lustre without the option flock."""
 
 
 @contextmanager
 def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> Iterator[None]:
-    """Keep other processes from the same jobs; those of other shards may work meanwhile.
+    """Lock the jobs of a shard; processes may work on other shards at the same time.
 
-    The system gives the locks back when a process ends, however it does.
+    The system releases the locks when a process ends, even if it is killed.
 
     Parameters
     ----------
     folder : Path
-        Where the lock is.
+        Folder of the lock.
     shard : pair of int
-        Number of the shard, from 0, and how many there are.
+        Number of the shard, from 0, and the number of shards.
     said : Path, optional
-        What the user has named, where that is another.
+        Folder that the user named, if it is another.
 
     Raises
     ------
     ConfigError
-        A process is at work on them, or the folder cannot be written.
+        Another process works on these jobs, or the folder cannot be written.
     """
     with ExitStack() as stack:
         try:
@@ -262,12 +262,12 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
 
 
 def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
-    """Take the locks; those of POSIX may be shared, those of Windows are of ranges of bytes."""
+    """Take the locks: on POSIX shared or exclusive ones, on Windows ranges of bytes."""
     number, count = shard
 
     def opened(name: str) -> Any:
         with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
-            # NFS gives shared locks only on files that can be read.
+            # NFS supports shared locks only on files that are open for reading.
             return stack.enter_context((folder / name).open("a+"))
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
@@ -305,7 +305,7 @@ class Store:
     Parameters
     ----------
     folder : str
-        Where.
+        Path of the folder.
     """
 
     def __init__(self, folder: str) -> None:
@@ -318,7 +318,7 @@ class Store:
             ) from None
 
     def open(self, settings: Mapping[str, Any]) -> None:
-        """Begin a store, or go on with the same settings.
+        """Begin a store, or continue one with the same settings.
 
         Raises
         ------
@@ -334,7 +334,7 @@ class Store:
                         f"{option('output', self.folder, short=True)}: is not empty and not a "
                         "batch; name another folder"
                     )
-                # Several shards may begin at once: all write the same, and later ones compare.
+                # Several shards may begin at once: all write the same settings, later ones compare.
                 with writing(path, option("output", self.folder, short=True)) as beside:
                     beside.write_text(
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
@@ -360,17 +360,17 @@ class Store:
         Raises
         ------
         InputError
-            The folder holds no batch.
+            The folder is not a batch, or its settings are damaged.
         """
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
             raise InputError(f"{self.folder}: is not a batch: {SETTINGS_FILE} is missing")
         return documents.read_document(
-            str(path), SCHEMA, SETTINGS, remedy="make it anew with batch"
+            str(path), SCHEMA, SETTINGS, remedy="make it again with batch"
         )
 
     def rows(self) -> "pd.DataFrame":
-        """Return one row for each job, done before failed and the last of these, by labels.
+        """Return one row for each job, sorted by labels: its last done row, or else the last one.
 
         Raises
         ------
@@ -383,7 +383,7 @@ class Store:
 
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            # A single file is opened, as the search for a dataset takes longer than reading.
+            # The file is opened directly: to search for a dataset takes longer than reading.
             with read_part(path), pq.ParquetFile(path) as file:
                 part = file.read().replace_schema_metadata()
                 wrong = part_fault(part)
@@ -396,7 +396,7 @@ class Store:
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
-        # A file that changed since has another key, so its older row no longer counts.
+        # A changed file gives its job another key, so the older row no longer counts.
         same = [*labels, "truth", "estimate", "options"]
         latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
         latest["_done"] = latest["status"] == "done"
@@ -404,17 +404,17 @@ class Store:
         latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
         latest = latest.drop_duplicates(same, keep="last")
         kept = latest.sort_values(labels or "key", kind="stable").index
-        # All columns, which are many, are taken once.
+        # There are many columns, so all are taken in one call.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Store some rows, whole.
+        """Store rows in one part.
 
         Raises
         ------
         ConfigError
-            They cannot be written.
+            The part cannot be written.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -424,7 +424,7 @@ class Store:
         # The name is unique and sorts after all earlier ones.
         name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
-        # Steps are written first, so that no known job lacks its steps.
+        # Steps are written first, so that all stored jobs have their steps.
         if steps is not None:
             self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
         names = dict.fromkeys(name for row in rows for name in row if name != STEPS)
@@ -432,14 +432,14 @@ class Store:
         self._write(PART_FOLDER, name, lambda path: pq.write_table(table, path))
 
     def _write(self, folder: str, name: str, write: Callable[[Path], None]) -> None:
-        """Write a part beside its place, and rename it."""
+        """Write a part to a temporary file, and rename it."""
         path = self.folder / folder / name
         where = option("output", self.folder, short=True)
         with named(where, ConfigError, "cannot be written"), writing(path, where) as beside:
             write(beside)
 
     def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-        """Read the steps of the jobs of these rows; None if none has any.
+        """Read the steps of the jobs of these rows; None if no job has steps.
 
         Raises
         ------
