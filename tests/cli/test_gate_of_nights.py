@@ -158,10 +158,10 @@ def test_a_scene_far_outside_what_its_seeds_do_fails(gate: Invoke) -> None:
     found = groups(answer)
     (rule,) = found["b"]["rules"]
     assert rule["verdict"] == "fail"
-    said = "total is far above the usual spread of its seeds (a jump)"
-    assert rule["inference"]["jump"] == said
+    jump = "total is far above the usual spread of its seeds (a jump)"
+    assert rule["inference"]["jump"] == jump
     assert {found[name]["rules"][0]["inference"]["jump"] for name in "ac"} == {""}
-    assert f"seeds are an unlikely reason: {said}" in " ".join(gate().out.split())
+    assert f"seeds are an unlikely reason: {jump}" in " ".join(gate().out.split())
 
 
 def test_a_run_far_outside_fails_and_is_named(gate: Invoke) -> None:
@@ -307,8 +307,8 @@ def test_more_nights_see_smaller_changes(gate: Invoke) -> None:
 def test_an_update_says_how_many_seeds_are_needed(gate: Invoke) -> None:
     answer = gate("--update-baseline", "--format", "json")
     (said,) = json.loads(answer.out)["notices"]
-    assert "group a, b, c: with 6 runs the test can never show" in said
-    assert "10 runs are needed, or further nights with --add" in said
+    assert "group a, b, c: 6 runs: their seeds can never support" in said
+    assert "10 are needed, or further nights with --add" in said
     runs(0, seeds=range(1, 11))
     assert "notices" not in json.loads(gate("--update-baseline", "--format", "json").out)
     Path("base.json").unlink()

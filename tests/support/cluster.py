@@ -48,7 +48,7 @@ def cluster(folder: Path, workers: int = 2) -> Iterator[Running]:
     """A scheduler and workers of one thread each; ports are those that are free."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("COVERAGE", "TGOSPA_EVAL_"))}
     environment = kept | {
-        "PYTHONPATH": str(ROOT / "tests" / "support"),
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "support"))),
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
     }
     file = folder / "scheduler.json"

@@ -3,7 +3,7 @@
 The pool of values is real: each run is a scene of `simulate`, reported by a tracker with other
 random numbers and evaluated, and so are runs that crashed. A night draws one of each run from the
 pool. A worse tracker is a factor on costs; so `python tests/support/nights.py` has thousands of
-nights in minutes. It prints the table of docs/reference/gate.md, with more rows and columns.
+nights in minutes. It prints more rows and columns than the table of docs/reference/gate.md.
 """
 
 import warnings

@@ -178,12 +178,13 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable that receives messages for the user. Without it, messages name keywords of Python
-        instead of options of the command line.
+        Callable of the command line that prints messages. Without it, errors and stored messages
+        name keywords of Python instead of options.
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors.
     known : dict, optional
-        The last truth by its path, so that several estimates share one reading of the truth.
+        Cache that is changed in place: the last truth by its path. Pass the same dict for several
+        estimates to read their truth once.
 
     Raises
     ------

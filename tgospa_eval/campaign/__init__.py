@@ -1,3 +1,3 @@
-"""Several evaluations together: solvers, estimates, sizes. Has no options and no pages."""
+"""Comparisons of several evaluations (solvers, estimates, sizes), without options and pages."""
 
 SCHEMA = "tgospa-eval/compare/1"

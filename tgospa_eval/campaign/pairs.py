@@ -1,6 +1,6 @@
 """Pairs to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
 
-Knows paths and labels; of recordings at most the names of runs are read that one file has.
+This module uses paths and labels. Of a recording it reads at most the names of the runs in a file.
 """
 
 import glob
@@ -29,20 +29,20 @@ LAYOUTS = {
     "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),
     "kitti": ("label_02/{sequence}.txt", "{tracker}/data/{sequence}.txt"),
 }
-"""Patterns of truth and estimates in the folders of a benchmark, as TrackEval has them."""
+"""Patterns of truth and estimates in the folders of a benchmark, as in TrackEval."""
 
 SEQINFO, SEQMAP = "seqinfo.ini", "evaluate_tracking.seqmap"
 DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in {SEQMAP}.training"}
-"""File that declares the length of a sequence, by benchmark."""
+"""Files that declare the length of a sequence, by benchmark."""
 
 PATHS = ("truth", "estimate")
-"""Columns of a manifest that are no label."""
+"""Columns of a manifest that are not labels."""
 
 LARGEST_MANIFEST = 1 << 32
-"""Bytes that no manifest has."""
+"""Upper limit of the size of a manifest, in bytes."""
 
 NEARBY_LEVELS = 2
-"""Folders above and below a wrong one where the right one is looked for."""
+"""Levels above and below a wrong folder at which the right folder is searched."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,28 +52,28 @@ class Job:
     Parameters
     ----------
     labels : mapping of str to str
-        What tells it from others: the values of the fields, or columns of the manifest.
+        Values of the fields or columns of the manifest that distinguish this job from others.
     truth, estimate : str
-        Paths.
+        Paths of both sides.
     options : mapping
-        Its own options, by their names on the command line.
+        Options of this job, by their names on the command line.
     frames : pair of int, optional
-        First and last frame of its sequence, where a benchmark declares them.
+        First and last frame of the sequence, where a benchmark declares them.
     name : str
-        Under which the baseline of a gate knows it.
+        Name of the job in the baseline of a gate.
     rules : dict of str to tuple of str
-        Of ``fail-on``, ``warn-on`` and ``max`` those that the suite of a gate sets.
+        Rules ``fail-on``, ``warn-on`` and ``max`` that the suite of a gate sets.
     fault : str
-        Why there are no such files: the pattern finds none; or why they are not judged.
+        Reason why the pattern finds no files, or why the gate does not judge them.
     fault_is : str
-        What the gate says of a pair with a fault.
+        Verdict of the gate on a pair with a fault.
     is_new : bool
-        Whether the target that judges does not know it.
+        Whether the target of the gate does not have this job.
     in_memory : mapping of str to object
-        Sides that are no files, by role, which `truth` and `estimate` only name; and ``mapping``,
-        the components to compare.
+        Sides in memory by role, for which `truth` and `estimate` are only names. The key
+        ``mapping`` has the components to compare.
     digest : str
-        Of these.
+        Digest of the data in memory.
     """
 
     truth: str = ""
@@ -97,27 +97,27 @@ class Job:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The paths of truth and estimate that are files."""
+        """Paths of the sides that are files."""
         return tuple(filter(is_path, self.sides))
 
     @property
     def title(self) -> str:
-        """Its labels in a line."""
+        """Labels of the job in one line."""
         return "/".join(self.labels.values()) or self.estimate
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchPlan:
-    """All jobs, and what is missing among the files.
+    """All jobs of a batch, and faults of its files.
 
     Parameters
     ----------
     jobs : tuple of Job
-        At least one truth and one estimate each that are there.
+        Jobs for which both truth and estimate exist.
     faults : tuple of str
-        Estimates without truth, truths without estimate, paths that can be understood in two ways.
+        Estimates without truth, truths without estimate, and paths that match in two ways.
     notices : tuple of str
-        What was passed over.
+        Messages about skipped files.
     """
 
     jobs: tuple[Job, ...]
@@ -136,9 +136,9 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Return values of the truths, estimates with theirs, and notices of what was passed over.
+    """Return field values of the truths, the estimates with their values, and skipped files.
 
-    Arguments as of `of_patterns`; a truth without fields is one without values.
+    The arguments are those of `of_patterns`. A truth pattern without fields has one empty value.
     """
     truths, passed_over = patterns.match_files(truth, folders[0], output=output, inside=inside)
     estimates, more = patterns.match_files(
@@ -149,7 +149,7 @@ def match(
 
 
 def groups_of(files: Iterable[Mapping[str, str]], fields: Sequence[str]) -> list[Values]:
-    """Return the values of fields that only estimates have, such as the name of a tracker."""
+    """Return the distinct values of these fields, which only estimates have (such as a tracker)."""
     groups = dict.fromkeys(tuple(values[name] for name in fields) for values in files)
     return [dict(zip(fields, group, strict=True)) for group in groups]
 
@@ -167,20 +167,20 @@ def of_patterns(
     Parameters
     ----------
     truth, estimate : str
-        Patterns.
+        Patterns of the files.
     folders : pair of str
-        Below which the patterns hold; braces in these names are no fields.
+        Folders of the patterns. Braces in these names are not fields.
     sequences : collection of str
-        If there are any, only files with these values of the field ``sequence``.
+        Values of the field ``sequence`` to which the files are restricted, if not empty.
     output : str, optional
-        The folder of the store, in which there are none.
+        Folder of the store, which is not searched.
     inside : callable
-        Names of the runs in a file.
+        Callable that receives a file and returns the names of its runs.
 
     Raises
     ------
     ConfigError
-        No file is like a pattern, or the truth has a field that the estimates do not have.
+        No file matches a pattern, or the truth has a field that the estimates do not have.
     """
     own, theirs = patterns.fields(truth), patterns.fields(estimate)
     unknown = [name for name in own if name not in theirs]
@@ -218,7 +218,7 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Return whether there are data, and the element of a cell that the path may name."""
+    """Return whether a file has data, and also the element of a cell if the path names one."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -235,12 +235,12 @@ def of_layout(
     sequences: Collection[str] = (),
     output: str | None = None,
 ) -> BatchPlan:
-    """Make the jobs of the folders of a benchmark; only these sequences, if some are named.
+    """Make the jobs of the folders of a benchmark, of all sequences if `sequences` is empty.
 
     Raises
     ------
     ConfigError
-        A folder is not laid out so; the message names the one above or below that is.
+        A folder has another layout. The message names folders above or below with this layout.
     """
     shapes, folders = LAYOUTS[layout], (truth, trackers)
     wrong = [
@@ -252,12 +252,12 @@ def of_layout(
         raise ConfigError(*wrong)
     plan = of_patterns(*shapes, folders, sequences, output)
     left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
-    missing = [f"sequence {name}: no tracker has it, with a truth" for name in sorted(left)]
+    missing = [f"sequence {name}: no tracker has it together with a truth" for name in sorted(left)]
     return replace(plan, faults=(*plan.faults, *missing))
 
 
 def layout_of(truth: str, trackers: str) -> str | None:
-    """Return the layout that two folders have, if it is one of these."""
+    """Return the benchmark layout of two folders; None if they match none."""
     for layout, shapes in LAYOUTS.items():
         if all(
             next(patterns.matching_paths(shape, folder), None)
@@ -268,7 +268,7 @@ def layout_of(truth: str, trackers: str) -> str | None:
 
 
 def _elsewhere(layout: str, shape: str, folder: str) -> str:
-    """Return a note on a folder with another layout: which folder near it has this one."""
+    """Describe a folder that does not have this layout, and name near folders that have it."""
     if not os.path.isdir(folder):
         return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
     near = []
@@ -283,7 +283,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
 
 
 def read_sequences(path: str) -> list[str]:
-    """Read the names of a seqmap: one a line, below the heading ``name``."""
+    """Read the names of a seqmap, one per line below the heading ``name``."""
     names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
@@ -297,16 +297,16 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
     Parameters
     ----------
     plan : BatchPlan
-        Of the layout.
+        Jobs of the layout.
     layout, truth : str
-        Its name, and the folder of the truth.
+        Name of the layout, and folder of the truth.
     seqmap : str, optional
-        Of KITTI: where frames are looked for first.
+        Seqmap of KITTI in which frames are searched first.
 
     Raises
     ------
     InputError
-        A declaration has no meaning.
+        A declaration is not valid.
     """
     names = list(dict.fromkeys(job.labels["sequence"] for job in plan.jobs))
     if layout == "motchallenge":
@@ -332,7 +332,7 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
 
 
 def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
-    """Return frames 1 to seqLength of the description of a sequence; None if it has none."""
+    """Return the frames of a sequence, 1 to seqLength; None if the file does not declare them."""
     if not os.path.lexists(path):
         return None
     ranges = set()
@@ -353,9 +353,9 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
-    """Return frames of some sequences, of lines such as ``0000 empty 000000 000154``.
+    """Return the frames of these sequences from lines such as ``0000 empty 000000 000154``.
 
-    The last number is no frame: the sequence 0000 of KITTI has 154, the frames 0 to 153.
+    The last number is the frame after the last: sequence 0000 of KITTI has the frames 0 to 153.
     """
     frames: dict[str, tuple[int, int]] = {}
     for number, words in enumerate(_words(path), 1):
@@ -380,19 +380,19 @@ def _words(path: str) -> list[list[str]]:
 
 
 def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
-    """Make jobs from a table with the columns truth and estimate; others are labels, or options.
+    """Make jobs from a table with the columns truth and estimate, labels and options.
 
     Parameters
     ----------
     path : str
-        A CSV file; paths in it are relative to its folder.
+        CSV file. Paths in it are relative to its folder.
     options : collection of str
-        Names of options that columns may have.
+        Names of columns that are options. All other columns are labels.
 
     Raises
     ------
     InputError
-        The file is missing or wrong.
+        The file is missing or not a valid manifest.
     """
     data = load(path, LARGEST_MANIFEST)
     lines, rows = rows_of(data, path, decimal=".") if data else ([], [])
@@ -435,12 +435,14 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Return names of the runs, blank of a single one; the truth of each; estimates by name.
+    """Return the names of the runs, the truth of each run, and the estimates of each name.
+
+    The name of a single run is blank.
 
     Raises
     ------
     InputError
-        Sides have other runs than others.
+        The sides have different runs.
     """
     sides = [("truth", truth), *estimates.items()]
     each = [(name, side, runs_of(side, name)) for name, side in sides]
@@ -466,12 +468,12 @@ def runs_in_memory(
 
 
 def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return sides by names that are texts.
+    """Return the estimates with their names as text.
 
     Raises
     ------
     InputError
-        Two have the same name as a text.
+        Two names have the same text.
     """
     sides = {str(name): side for name, side in estimates.items()}
     if len(sides) < len(estimates):
@@ -482,12 +484,12 @@ def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
-    """Make the jobs of data in memory: of each run, and of each tracker where these have names.
+    """Make the jobs of data in memory: one per run, and per tracker if the trackers have names.
 
     Raises
     ------
     InputError
-        Sides have other runs than others, or there is none.
+        The sides have different runs, or a side has no run.
     """
     from joblib import hash as digest_of  # lazy: slow to import
 
@@ -515,17 +517,17 @@ def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
 
 
 # -------------------------------------------------------------------------------------------------
-# Runs of a comparison: what ``*``, or a field of the truth, stands for is a run.
+# Runs of a comparison: each value of ``*``, or of the fields of the truth, is a run.
 
 Runs = list[tuple[str, list[str]]]
-"""The truth of each run, and its estimates."""
+"""Truth and estimates of each run."""
 
 AS_FIELD = "{run}"
-"""Field that a * is read as."""
+"""Field that replaces a *."""
 
 
 def is_pattern(path: str) -> bool:
-    """Return whether a name stands for several files; an existing file stands for itself."""
+    """Return whether a name means several files; the name of an existing file does not."""
     return ("*" in path or bool(patterns.fields(path))) and not os.path.exists(path)
 
 
@@ -540,22 +542,22 @@ def compared_runs(
 ) -> tuple[Runs, tuple[str, ...], tuple[str, ...]]:
     """Return the files of each run, the estimates of the runs, and notices of skipped files.
 
-    A truth without a pattern is that of all runs. Fields that the truth does not have stand for
-    several estimates. Names of existing files are no patterns.
+    A truth without a pattern is the truth of all runs. A field that the truth does not have
+    means several estimates. Names of existing files are not patterns.
 
     Parameters
     ----------
     truth : str
-        A path or a pattern.
+        Path or pattern of the truth.
     estimates : sequence of str
-        Such as well.
+        Paths or patterns of the estimates.
     output : str, optional
-        A folder in which no estimate is looked for.
+        Folder in which estimates are not searched.
 
     Raises
     ------
     ConfigError, InputError
-        A pattern fits nothing, or patterns do not fit each other; a name would be a pattern.
+        A pattern matches no file, patterns have different runs, or a file name has braces.
     """
     own = _fields(truth)
     each: list[str] = []
@@ -588,7 +590,7 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
     Raises
     ------
     ConfigError, InputError
-        As for `compared_runs`.
+        The errors are those of `compared_runs`.
     """
     paths = (truth, *estimates)
     marked = [path for path in paths if is_pattern(path)]
@@ -619,22 +621,22 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
 
 
 def _file(path: str, values: Mapping[str, str]) -> str:
-    """Return the file of a run; a path that is no pattern is that of all."""
+    """Return the file of a run; a path without a pattern is the file of all runs."""
     return patterns.fill(_shape(path), values) if is_pattern(path) else path
 
 
 def _shape(pattern: str) -> str:
-    """Return the pattern with a field in place of its ``*``, unless it has fields."""
+    """Return the pattern with a field instead of its ``*``, unless it has fields."""
     return pattern if patterns.fields(pattern) else pattern.replace("*", AS_FIELD)
 
 
 def _fields(path: str) -> list[str]:
-    """Return the fields of a pattern; the name of a file that exists has none."""
+    """Return the fields of a pattern; none for the name of an existing file."""
     return patterns.fields(path) if is_pattern(path) else []
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """Return a notice of hidden files that a pattern skips: runs are the same in all."""
+    """Return a notice of hidden files that a pattern skips, the same for all runs."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
@@ -648,12 +650,12 @@ def _values(
     files: Iterable[tuple[str, Mapping[str, str]]] | None = None,
     notices: Iterable[str] = (),
 ) -> Iterator[Mapping[str, str]]:
-    """Yield the values of the fields for each file that matches the pattern, or for these.
+    """Yield the values of the fields for each of these files, or each that matches the pattern.
 
     Raises
     ------
     InputError
-        No file is like the pattern, or one is in two ways.
+        No file matches the pattern, or a file matches it in two ways.
     """
     shape = _shape(pattern)
     matches = list(patterns.matching_paths(shape, inside=runs_inside) if files is None else files)
@@ -666,7 +668,7 @@ def _values(
 
 
 def short_names(paths: Sequence[str]) -> list[str]:
-    """Return a short name for each file: the part of its path in which it differs.
+    """Return a short name for each file: the part of its path that differs from other paths.
 
     Raises
     ------
@@ -684,7 +686,7 @@ def short_names(paths: Sequence[str]) -> list[str]:
     parts = [Path(path).with_suffix("").parts for path in paths]
     if len(paths) == 1:
         return [parts[0][-1]]
-    for _ in range(2):  # a common beginning is left out, then a common end
+    for _ in range(2):  # removes a common beginning, then a common end
         levels = enumerate(zip(*parts, strict=False))
         same = next((k for k, names in levels if len(set(names)) > 1), min(map(len, parts)))
         parts = [part[same:][::-1] for part in parts]

@@ -1,9 +1,9 @@
-"""Several estimates of one truth: proven order, and what the differences are made of.
+"""Proven order of several estimates of one truth, and the parts of their differences.
 
-With several runs of each (Monte Carlo) costs are added over the runs, and roots are taken last:
-``tgospa`` is (mean total)^(1/p), its normalised form (sum of totals / sum of steps)^(1/p), for
-p = 2 the root of the mean square over runs. Sums of brackets bracket the sums. All have the same
-runs: by either form the order is that of the sums, in a comparison, a batch and groups of a gate.
+With several runs (Monte Carlo) costs are added over the runs, and roots are taken last. ``tgospa``
+is (mean total)^(1/p); for p = 2 it is the root mean square over runs. Its normalised form is
+(sum of totals / sum of steps)^(1/p). Sums of brackets are brackets of the sums. All estimates have
+the same runs, so both forms have the order of the sums in a comparison, a batch and a gate.
 """
 
 import itertools
@@ -66,13 +66,13 @@ if TYPE_CHECKING:
 
 
 def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
-    """Evaluate each step by itself, on the problem of a result.
+    """Evaluate each step separately, on the problem of a result.
 
     Returns
     -------
     tuple
-        Sums over all steps, costs in state units to the power p; and, in state units, GOSPA of each
-        step and what the tools print for it, by rule.
+        Sums over all steps, with costs in state units to the power p. Then GOSPA of each step, and
+        the values that other tools print for the step by rule, in state units.
     """
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
@@ -116,18 +116,18 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
 
 
 def differences(document: Json, step: Json, steps: Sequence[int], order: float) -> Iterator[str]:
-    """Yield the reasons why the numbers of one estimate differ, a sentence each.
+    """Yield the reasons why per-step GOSPA of one estimate differs from TGOSPA, as sentences.
 
     Parameters
     ----------
     document : dict
-        TGOSPA's own numbers.
+        Numbers of TGOSPA.
     step : dict
-        Those of per-step GOSPA.
+        Numbers of per-step GOSPA.
     steps : sequence of int
-        Steps of each run.
+        Number of steps of each run.
     order : float
-        Of the metric.
+        Order p of the metric.
     """
     total = document["total"]
     own = document["counts"]["switch"]
@@ -187,23 +187,23 @@ class RunOutcome:
     Parameters
     ----------
     path : str
-        Its file.
+        File of the estimate.
     run : dict
-        As the document has it: proven bounds of the total, its parts, and how the solver ended.
+        Record for the document: proven bounds of the total, its parts, and the end of the solver.
     counts : dict
-        Misses, false targets, switches.
+        Numbers of missed targets, false targets and switches.
     steps : dict of (T,) float arrays
-        Costs of each step, by part; and the values of other rules, by rule.
+        Costs of each step by part, and values of other rules by rule.
     timestamps, times : (T,) array and list
-        The steps, as numbers and as they were read.
+        Times of the steps as numbers, and as they were read.
     evaluated_on : mapping
-        What it was judged on, as `Coverage.record`.
+        Evaluated data, in the form of `Coverage.record`.
     against : dict, optional
-        Per-step GOSPA.
+        Record of per-step GOSPA.
     split : mapping of str to float
-        Parts of the cost of localisation, where the distance has any.
+        Parts of the cost of localisation, where the distance has parts.
     nees : NeesSums, optional
-        Whether covariances say how large errors are.
+        Sums of NEES, which compare errors with covariances.
     summary : mapping of str to float
         Numbers of the summary by names with dots.
     """
@@ -222,11 +222,11 @@ class RunOutcome:
 
 
 Entrants = Mapping[str, Sequence[RunOutcome]]
-"""The runs of each estimate by its name; all have the same runs."""
+"""Runs of each estimate, by the name of the estimate; all estimates have the same runs."""
 
 
 def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: bool) -> RunOutcome:
-    """Extract the numbers of a result, so that memory of its problem can be freed."""
+    """Return the numbers of a result, so that the memory of its problem can be freed."""
     split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})
     parts: Json = {name: getattr(result, name) for name in PARTS}
@@ -246,7 +246,7 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
 
 
 def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
-    """Return a run as the document has it."""
+    """Return the record of a run for the document."""
     return {
         "total": bounds[1],
         "total_lower": bounds[0],
@@ -263,7 +263,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
     Raises
     ------
     InputError
-        Times are of several kinds or out of order.
+        The times are of several kinds or not in order.
     """
     times = [[step["t"] for step in document["per_step"]] for document in documents]
     try:
@@ -275,7 +275,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
-        # The bounds of the total follow from those of the value, rounded outward once more.
+        # The bounds of the total follow from the bounds of the value, rounded outward again.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
             outward(document["upper_bound"] ** order, 1),
@@ -302,8 +302,8 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 
 
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
-"""Costs of one run: times of the T steps that any of N evaluations has; costs (N, T) by part, in
-``total``, and by rule, 0 at steps that one lacks; a mask (N, T) of the steps that each has."""
+"""Costs of N evaluations of one run: the T times of all their steps; costs (N, T) by part, by rule
+and in ``total``, 0 at missing steps; and a mask (N, T) of the steps that each evaluation has."""
 
 
 def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
@@ -324,9 +324,9 @@ def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
 
 
 def steps_columns(entrants: Entrants, best: str) -> Columns:
-    """Return costs of each step, run, and estimate, and the differences to the best estimate's.
+    """Return costs of each step, run and estimate, and the differences to the best estimate.
 
-    A step that an estimate's evaluation has not, because nothing is there, costs nothing.
+    A step without objects, which the evaluation of an estimate does not have, has cost 0.
     """
     runs, leader = list(side_by_side(entrants)), list(entrants).index(best)
     rules = [name for name in ("gospa", *RULES) if name in runs[0][1]]
@@ -350,9 +350,10 @@ def steps_columns(entrants: Entrants, best: str) -> Columns:
 
 
 def steps_costs(entrants: Entrants) -> tuple[list[Time], dict[str, list[float]]]:
-    """Return times, and the cost of each step by estimate, mean over runs.
+    """Return times, and the cost of each step by estimate, averaged over runs.
 
-    None where the runs differ in length; of runs with other times each the numbers of the steps.
+    Both are empty if the runs differ in length. If the runs have different times, the times are
+    the numbers of the steps.
     """
     each, costs, _ = zip(*side_by_side(entrants), strict=True)
     times = each[0]
@@ -367,7 +368,7 @@ def steps_costs(entrants: Entrants) -> tuple[list[Time], dict[str, list[float]]]
 # The ranking.
 
 RANKED = "normalised.tgospa"
-"""The field of an estimate by which estimates are ranked."""
+"""Field by which estimates are ranked."""
 
 
 def ranking_document(
@@ -377,25 +378,25 @@ def ranking_document(
     warnings: list[dict[str, str]],
     other_metrics: Mapping[str, OtherMetrics],
 ) -> Json:
-    """Return the JSON document, the estimates in the order of their values.
+    """Return the JSON document, with the estimates in the order of their values.
 
     Parameters
     ----------
     entrants : mapping of str to sequence of RunOutcome
-        At least one, each with the same number of runs.
+        At least one estimate; all have the same number of runs.
     truths : sequence of str
-        The file with the truth of each run.
+        File with the truth of each run.
     parameters : dict
-        Every option that changes the number.
+        Options that change the value of the metric.
     warnings : list of dict
-        What looks wrong with the data.
+        Warnings about the data.
     other_metrics : mapping of str to dict
         Other metrics of all runs together, by the name of the estimate.
 
     Raises
     ------
     ConfigError
-        Some are judged on another truth, or at other steps, than others.
+        Estimates are evaluated on different truths, or at different steps.
     """
     for outcomes in zip(*entrants.values(), strict=True):
         both = zip(entrants, outcomes, strict=True)
@@ -442,7 +443,7 @@ def ranking_document(
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
         change, count = upper[b] - upper[a], len(steps)
-        # Steps that cost the same but for rounding are neither better nor worse.
+        # Steps whose costs differ by rounding alone are neither better nor worse.
         clear = EQUAL * np.concatenate([np.maximum(own[a], own[b]) for own in of_steps])
         more = np.concatenate([own[b] - own[a] for own in of_steps])
         pairs.append(
@@ -487,7 +488,7 @@ def ranking_document(
 
 
 def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
-    """Yield notices about a ranking by a distance of covariances: `estimates` are in its order."""
+    """Yield notices about a ranking by a distance that uses covariances, of ordered `estimates`."""
     for item in estimates:
         if item.get(NEES):
             for notice in NeesSums(**item[NEES]["sums"]).warnings(item.get(SPREAD)):
@@ -508,7 +509,7 @@ def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
 def _estimate(
     name: str, runs: Sequence[RunOutcome], costs: dict[str, Floats], steps: list[int], order: float
 ) -> Json:
-    """Return the record of one estimate: means over its runs, roots last."""
+    """Return the record of one estimate: means over its runs, with roots taken last."""
     means = {part: float(values.mean()) for part, values in costs.items()}
     roots = {
         part: float((values.sum() / sum(steps)) ** (1 / order)) for part, values in costs.items()
@@ -548,7 +549,7 @@ def _estimate(
 
 
 def _means(records: Sequence[Json]) -> Json | None:
-    """Average numbers by name, also those in records inside; None of nothing."""
+    """Average numbers by name, also in nested records; None without records."""
     if not records:
         return None
     means: Json = {}
@@ -563,14 +564,14 @@ def _means(records: Sequence[Json]) -> Json | None:
 
 BESIDE = {"similarity": ("zero", "threshold")}
 FIELDS_SHOWN = {**COMPARED, **BESIDE}
-"""Names of the numbers of other metrics that a ranking shows, by metric."""
+"""Names of the numbers that a ranking shows of each other metric."""
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Return other metrics that all results of one run have; and a notice of the rest.
+    """Return the other metrics that all results of one run have, and notices of the rest.
 
-    Those of several runs are ratios of counts over all of them, and cannot be had from the ratios
-    of each.
+    Metrics of several runs are left out: they are ratios of counts over all runs, which cannot be
+    computed from the ratios of each run.
     """
     each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
     first = each[0] if len(runs) == 1 else {}
@@ -589,18 +590,18 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 
 
 # -------------------------------------------------------------------------------------------------
-# The values of a label of a batch: a proven order, and beside it a statistical one.
+# Orders of the values of a label of a batch: a proven order and a statistical order.
 #
-# Only jobs that differ in that label alone are compared, and only those that all its values have.
-# The proven order is that of brackets of the combined value on these files; the statistical one is
-# about other truths like these (`statistics`).
+# Only jobs that differ in this label alone are compared, and only where all its values have a job.
+# The proven order compares brackets of the combined value on these files. The statistical order
+# is an inference about other truths like these (`statistics`).
 
 
 MAX_COMPARED = 100
-"""Values of a label that are compared: all pairs of them are."""
+"""Largest number of values of a label that are compared, as all pairs are compared."""
 
 NOTHING = Interval(lower=0.0, upper=0.0)
-"""The difference of what is the same."""
+"""Difference of equal data."""
 
 Parameters = Mapping[str, float | str]
 
@@ -608,18 +609,18 @@ Parameters = Mapping[str, float | str]
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
-    """Yield a ranking for each set of parameters, or the reason why there is none; and warnings.
+    """Yield a ranking or the reason for its absence for each set of parameters, and warnings.
 
     Parameters
     ----------
     having : DataFrame
         Rows of a store that have a value.
     label : str
-        What is compared.
+        Label whose values are compared.
     parameters : sequence of str
         Columns of parameters that differ.
     names : iterable of str
-        All values of the label, also of rows that have none.
+        All values of the label, also of rows without a value.
     """
     if not parameters:
         yield from _ranking(having, label, {}, names)
@@ -639,7 +640,7 @@ def _ranking(
         )
         return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
-    # Of two jobs with the same labels and truth the manifest has changed: the newer one counts.
+    # Two jobs have the same labels and truth if the manifest has changed: the newer one counts.
     part = part.sort_values("finished", kind="stable")
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
@@ -684,13 +685,13 @@ def _ranking(
 
 
 Totals = tuple[Floats, Floats, Floats]
-"""Bounds of totals (names, truths), and the steps of each truth."""
+"""Lower and upper bounds of totals (names, truths), and the number of steps of each truth."""
 
 
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Return names, best first, and their totals of each truth, or of each job of one truth."""
+    """Return names, best first, and their totals by truth, or by job if there is one truth."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -703,7 +704,7 @@ def _side_by_side(
 def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
     """Return totals (names, jobs) and steps (jobs,) added up over the jobs of each truth.
 
-    They are in an order that no name of a sequence or run has a part in.
+    Their order does not depend on the names of sequences or runs.
     """
     _, number = np.unique(truth, return_inverse=True)
     lower, upper = totals
@@ -720,18 +721,18 @@ def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Tota
 def _orders(
     common: "pd.DataFrame", column: str, names: Sequence[str], totals: Totals
 ) -> tuple[list[Json], list[Json]]:
-    """Return a row for each estimate, and for each pair of them, as the JSON of a batch has them.
+    """Return a record of each estimate, and of each pair of estimates, for the JSON of a batch.
 
     Parameters
     ----------
     common : DataFrame
-        Jobs that all have.
+        Jobs that exist for all estimates.
     column : str
-        What is compared.
+        Column of the label that is compared.
     names : sequence of str
-        Best first.
+        Names of the estimates, best first.
     totals : Totals
-        Those of the names.
+        Totals of these names.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -781,7 +782,7 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Return verdicts of all pairs, by their numbers, and places; `same` have the same data."""
+    """Return verdicts of all pairs of numbers, and places; pairs in `same` have the same data."""
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
         for pair in itertools.permutations(range(len(values)), 2)
@@ -790,7 +791,7 @@ def _proven(
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
-    """Return brackets of the roots of the sums, divided by something before."""
+    """Return brackets of the roots of the sums, after division of the sums by `per`."""
     lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
@@ -798,14 +799,14 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
 def _data(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[list[str]], Floats, Floats]:
-    """Return digests of the estimates of each, in one order of the jobs, and bounds of totals."""
+    """Return digests of estimates by name, in one order of jobs, and both bounds of totals."""
     table = common.set_index(["_pair", column]).sort_index()
     sides = [
         table[end].unstack(column)[list(names)].to_numpy(float).T for end in statistics.TOTAL_ENDS
     ]
     if ESTIMATE_DIGEST not in table:
         return [[""] * sides[0].shape[1]] * len(names), sides[0], sides[1]
-    # Jobs may have options of their own that change the number.
+    # Jobs may have options of their own that change the value.
     options = {
         text: json.dumps(of_metric(json.loads(text)), sort_keys=True)
         for text in table["parameters"].unique()
@@ -817,7 +818,7 @@ def _data(
 def _same(
     names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
 ) -> set[tuple[int, int]]:
-    """Return pairs of numbers of those that have the same data, both ways round."""
+    """Return the pairs of numbers of names with the same data, in both orders."""
     brackets = [
         [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
         for ends in zip(lower.tolist(), upper.tolist(), strict=True)
@@ -832,11 +833,11 @@ def _same(
 
 
 UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
-"""Tests of a pair where there are too few truths."""
+"""Test results of a pair with too few truths."""
 
 
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
-    """Return the difference of two values, with room for its interval; `before` is a prefix."""
+    """Return the difference of two values, with an empty interval; `before` prefixes all names."""
     difference = NOTHING if same else second_less_first(first, second)
     bracket = [difference.lower, difference.upper]
     return {f"{before}difference": bracket, f"{before}lower": None, f"{before}upper": None}
@@ -851,22 +852,22 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Return intervals of the values, None of too few truths; those of differences are filled in.
+    """Return intervals of the values, None for too few truths, and fill in those of differences.
 
     Parameters
     ----------
     comparisons : sequence of dict
-        All pairs, with what `_difference` has.
+        Records of all pairs, with the fields of `_difference`.
     same : array, shape (comparisons,)
-        Whether both of a pair have the same data.
+        Whether both names of a pair have the same data.
     totals : Totals
-        Those of the names, best first.
+        Totals of the names, best first.
     order : float
-        The order p.
+        Order p of the metric.
     before : str
-        Begin of the names of the difference and its interval.
+        Prefix of the names of the difference and its interval.
     per_step : bool
-        Whether values are those per step, and not the combined ones.
+        Whether values are per step instead of combined.
     """
     lower, upper, steps = totals
     per = steps if per_step else None
@@ -883,9 +884,9 @@ def _with_intervals(
 
 
 def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
-    """Rank by tests of all pairs, None of too few truths; results of pairs are filled in.
+    """Return statistical places, None for too few truths, and fill in the tests of all pairs.
 
-    One is ahead only of those from which it differs significantly. Arguments as of
+    A name is ahead only of names from which it differs significantly. The arguments are those of
     `_with_intervals`.
     """
     lower, upper, _ = totals

@@ -1,4 +1,4 @@
-"""The row of an evaluation: numbers of a result that are stored, added up, and used by gates."""
+"""Rows of evaluations: the numbers of a result that stores keep, tables add up and gates judge."""
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -37,16 +37,16 @@ Row = dict[str, Any]
 """Plain values by column; labels begin with ``label.``."""
 
 LABEL = "label."
-"""Beginning of the names of columns with labels."""
+"""Prefix of the names of columns with labels."""
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
-"""Columns with the number of rows of each side that are outside of the declared steps."""
+"""Columns with the number of rows of each side outside the declared steps."""
 
 PARAMETER_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
-"""Parameters of the metric that every row has as columns."""
+"""Columns with parameters of the metric in every row."""
 
 STORED_SLICES = "slices"
-"""Column with the costs of slices, as JSON text."""
+"""Column with costs by slice, as JSON text."""
 
 
 def row_of(result: Evaluation) -> Row:
@@ -77,7 +77,7 @@ def row_of(result: Evaluation) -> Row:
 
 
 def row_to_judge(result: Evaluation) -> Row:
-    """Return the row of a result for a gate or a store, with the rows of its classes."""
+    """Return the row of a result for a gate or a store, with the rows of classes."""
     parts = result.results if isinstance(result, EvaluationByClass) else {}
     return {
         **row_of(result),
@@ -90,7 +90,7 @@ def row_to_judge(result: Evaluation) -> Row:
 
 
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
-    """Sum the parts of localisation, and NEES, over rows that all have them."""
+    """Sum the parts of localisation, and NEES, over the rows; each only if all rows have it."""
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
     nees = NeesSums.joined(filter(None, each)) if all(each) else None
@@ -98,14 +98,14 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
 
 
 def stored_slices(result: Evaluation) -> dict[str, str]:
-    """Return the column of slices for the row of a job; empty without slices."""
+    """Return the columns of slices in the row of a job."""
     if not result.slicings:
         return {}
     return {STORED_SLICES: json.dumps([one.record() for one in result.slicings])}
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the labels of a job, and its own options as the label ``options``."""
+    """Return the labels of a job, and the options of this job as one more label."""
     labels = {
         str(name).removeprefix(LABEL): str(value)
         for name, value in row.items()
@@ -118,7 +118,7 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 def job_name(row: Mapping[Any, Any]) -> str:
     """Return the name of a job: its labels, or else its estimate, and its own options.
 
-    A suite whose fields are these labels gives its pairs the same names.
+    A suite whose fields are these labels uses the same name.
     """
     labels = labels_of(row)
     own = labels.pop("options", "")
@@ -139,7 +139,7 @@ OF_ALL: dict[str, FieldKind] = {
     "seconds": COST,
     "finished": COUNT,
 }
-"""Columns of all jobs."""
+"""Columns of every job."""
 
 OF_VALUES: dict[str, FieldKind] = {
     **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
@@ -152,7 +152,7 @@ OF_VALUES: dict[str, FieldKind] = {
     **{f"input.{role}.sha256": TEXT for role in saved.ROLES},
     **dict.fromkeys(OFF_STEPS.values(), COUNT),
 }
-"""Columns of jobs that have a value."""
+"""Columns of all jobs with a value."""
 
 OF_SOME: dict[str, FieldKind] = {
     **dict.fromkeys((*SPLIT_PARTS, NEES), or_null(COST)),
@@ -163,7 +163,7 @@ OF_SOME: dict[str, FieldKind] = {
     "seconds.prepare": or_null(COST),
     **dict.fromkeys(("entropic.dual", "entropic.cost"), or_null(NUMBER)),
 }
-"""Columns that only some jobs have."""
+"""Columns that some jobs have."""
 
 SEVERAL = FieldKind(
     "a finite number, a list of such, or null",
@@ -179,7 +179,7 @@ OF_SEVERAL: dict[str, FieldKind] = {
         "a finite number, a text, or null", lambda value: TEXT.fits(value) or SEVERAL.fits(value)
     ),
 }
-"""Columns by the beginning of their names."""
+"""Columns by the prefix of their names."""
 
 AS_JSON = {
     "options": {...: TEXT},
@@ -188,20 +188,20 @@ AS_JSON = {
     STORED_NEES: saved.NEES_SUMS,
     STORED_SLICES: [saved.SLICING],
 }
-"""Columns of JSON texts."""
+"""Columns of JSON texts, and the form of the JSON."""
 
 
 def column_fault(
     table: "pa.Table", columns: Mapping[str, FieldKind], numbers: Ints | None = None
 ) -> str | None:
-    """Describe the first of these columns that is missing or has another value; None if all fit.
+    """Describe the first column that is missing or has a wrong value; None if all columns fit.
 
     Parameters
     ----------
     table : Table
-        Rows.
+        Rows of a part.
     columns : mapping of str to FieldKind
-        Required kind of the values, by column.
+        Expected values by column.
     numbers : (N,) int array, optional
         Numbers of the rows in their file.
     """
@@ -228,7 +228,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # a kind allows a range of numbers, so the ends are enough
+        values = column.to_numpy()  # kinds of numbers are ranges: both ends are enough
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -236,7 +236,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
 
 
 def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
-    """Return the kinds of the known columns of a table; any value fits columns of `OF_VALUES`."""
+    """Return the expected kinds of the known columns of a table."""
     begins = tuple(OF_SEVERAL)
     exact: dict[str, FieldKind] = OF_ALL | dict.fromkeys(OF_VALUES, ANYTHING) | OF_SOME
     return {
@@ -247,7 +247,7 @@ def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
 
 
 def part_fault(table: "pa.Table") -> str | None:
-    """Describe the first missing, wrong or contradictory value of a part; None if all are right."""
+    """Describe the first incomplete or contradictory row; None if all rows are right."""
     wrong = column_fault(table, OF_ALL | known_columns(table))
     if wrong:
         return wrong
@@ -272,7 +272,7 @@ def part_fault(table: "pa.Table") -> str | None:
 def _contradictions(
     table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
 ) -> Iterator[tuple[int, str]]:
-    """Yield rows that contradict themselves, with a note; `of_text` has the parsed JSON texts."""
+    """Yield the number and the fault of contradictory rows; `of_text` has parsed JSON texts."""
     parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
     names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
@@ -297,7 +297,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows that are compared with each other: they differ only in the compared labels.
+# Rows of one pair differ only in the labels that are compared.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.coverage.digest`)."""
@@ -311,23 +311,23 @@ READ_AS_GIVEN = (
     "ignore_regions",
     *saved.OF_THE_ESTIMATE,
 )
-"""Parameters that depend on the files: each job may have its own."""
+"""Parameters of reading, or derived from the data of a file, which may differ between jobs."""
 
 
 def label_names(rows: "pd.DataFrame") -> list[str]:
-    """Return names of the labels."""
+    """Return the names of the labels."""
     return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
 
 
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Return columns for labels; a label whose name is a taken column keeps ``label.``."""
+    """Return column names of labels; a label with the name of another column keeps ``label.``."""
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
-    """Return the rows, and the names of columns with parameters in which jobs differ.
+    """Return the rows, and names of columns with parameters in which jobs differ.
 
-    Jobs with different parameters are neither added up nor compared. A missing parameter is a dash,
+    Jobs with different parameters are never added up or compared. A missing parameter is a dash,
     and so are all parameters of a job without a value.
     """
     having = rows[rows["status"] != "failed"]
@@ -365,7 +365,7 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     if TRUTH_DIGEST not in rows:
         return paths
     digests = rows[TRUTH_DIGEST]
-    # A failed job has no digest, but other jobs with the same file may have one.
+    # A failed job has no digest, but another job with the same file may have one.
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
@@ -376,21 +376,21 @@ def same_data(
     digests: tuple[Sequence[str], Sequence[str]],
     brackets: tuple[Sequence[Interval], Sequence[Interval]],
 ) -> bool:
-    """Return whether two results that are evaluated alike have the same estimates.
+    """Return whether two results of the same evaluation have the same estimates.
 
     Parameters
     ----------
     names : pair of str
         Names of the results, for the message.
     digests : pair of sequence of str
-        Digest of the estimate of each run; blank without one.
+        Digest of the estimate of each run, blank if it is not known.
     brackets : pair of sequence of Interval
         Bracket of the value of each run, in one unit.
 
     Raises
     ------
     SolverError
-        A run has the same data in both results, but its brackets do not overlap.
+        The values of a run are proven to differ, although its data are the same.
     """
     alike = [bool(own) and own == other for own, other in zip(*digests, strict=True)]
     for same, own, other in zip(alike, *brackets, strict=True):
@@ -418,17 +418,17 @@ def pair_numbers(
     rows : DataFrame
         Rows of a store.
     compared : sequence of str
-        Labels in which jobs of one number may differ.
+        Labels in which jobs with the same number may differ.
     parameters : sequence of str
-        Columns in which they may not differ.
+        Columns in which jobs with the same number may not differ.
     truth : bool
-        Whether they must have the same truth.
+        Whether jobs with the same number must have the same truth.
     """
     rest = [LABEL + name for name in label_names(rows) if name not in compared]
     same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
     numbers = same.groupby(list(same), dropna=False).ngroup()
     own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
-    if own.duplicated().any():  # such jobs differ in their own options
+    if own.duplicated().any():  # only their own options distinguish these jobs
         same = same.assign(_options=rows["options"])
         numbers = same.groupby(list(same), dropna=False).ngroup()
     return numbers

@@ -1,4 +1,4 @@
-"""One problem through several solvers: do they agree, how near are they, what do they cost."""
+"""Comparison of several solvers on one problem: agreement, errors, time and memory."""
 
 import itertools
 import math
@@ -47,21 +47,21 @@ RUN = (
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory", "entropic"),
 )
-"""Fields of a run; all but the first five are None, or empty, of one that failed."""
+"""Fields of a run; in a failed run all fields after the first five are None or empty."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
-"""Files of Linux: the memory of this process, and the one that begins its peak anew."""
+"""Files of Linux with the memory of this process, and to reset the peak of this memory."""
 
 EXACT_STATES = 15_000
-"""States of one component for which the referee takes about a minute.
+"""Number of states of one component for which the referee takes about a minute.
 
 Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
-18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
+18,951 states 39 s. The time grows with about the square, and squares of components add up.
 """
 
 
 def display_name(solver: str, epsilon: float | None) -> str:
-    """Return the name of a solver, with as many digits of its temperature as it needs."""
+    """Return the name of a solver, with all digits of its temperature that matter."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -69,12 +69,12 @@ def display_name(solver: str, epsilon: float | None) -> str:
 
 
 def name_of(solver: Solver) -> str:
-    """Name and temperature of a solver."""
+    """Return the name and temperature of a solver."""
     return display_name(solver.name, solver.epsilon)
 
 
 def _run(solver: Solver, status: str, **values: object) -> Json:
-    """Return a run, as far as it is known."""
+    """Return the record of a run; fields without a value are None or empty."""
     about = {"name": name_of(solver), "solver": solver.name, "epsilon": solver.epsilon}
     nothing = {"finished": False, "counts": {}, "history": []}
     return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **values}
@@ -87,11 +87,11 @@ def failed(solver: Solver, error: BaseException) -> Json:
 
 
 Run = tuple[Json, PairEvaluation | None]
-"""The record of a run, and what came of it; None where it failed."""
+"""Record of a run, and its result; None if the run failed."""
 
 
 def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None = None) -> Run:
-    """Solve and prove; `progress` gets how far that is."""
+    """Solve a problem and prove the result; `progress` receives the share that is done."""
     stopwatch = Stopwatch()
     stopwatch.progress = progress or stopwatch.progress
     before = memory("VmRSS")
@@ -122,7 +122,7 @@ def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None =
 
 
 def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
-    """Return the value of the regularised problem of a temperature, in units of the total."""
+    """Return values of the regularised problem, in units of the total; None without temperature."""
     if solver.epsilon is None:
         return None
     limit = Limit.of(getattr(solver, "time_limit", None), progress)
@@ -136,7 +136,7 @@ def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Jso
 
 
 def memory(field: str) -> int | None:
-    """Return bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
+    """Return bytes of this process on Linux: VmRSS now, VmHWM at the peak; None elsewhere."""
     try:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -146,7 +146,7 @@ def memory(field: str) -> int | None:
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
-    """Import what solvers need: a first call takes longer than those that follow."""
+    """Solve a small problem with each solver, as the first call of a solver takes longer."""
     rng = np.random.default_rng(0)
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     for solver in solvers:
@@ -157,13 +157,13 @@ def warm_up(solvers: Iterable[Solver]) -> None:
             distance=DISTANCES.ours("euclidean"),
             solver=solver,
         )
-        with suppress(Exception):  # an error here comes again where it is recorded
+        with suppress(Exception):  # the same error is recorded in the run of the solver
             pair = fit(truth, estimate, request)
             solve(prepare(pair, request, stopwatch=Stopwatch()), solver, Stopwatch(), request)
 
 
 def takes_long(prepared: PreparedPair) -> int | None:
-    """Return the number of states if the referee would take more than about a minute, else None."""
+    """Return the number of states if the referee takes more than about a minute, else None."""
     states = prepared.states
     sizes = np.bincount(
         states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
@@ -172,13 +172,13 @@ def takes_long(prepared: PreparedPair) -> int | None:
 
 
 def check_solvers(solvers: Sequence[Solver]) -> None:
-    """Check that no solver is a duplicate with the same settings, and sinkhorn has its sweeps.
+    """Check that solvers are different, and that sinkhorn has compiled kernels.
 
     Raises
     ------
     ConfigError
-        Two solvers have the same name, and the same temperature if they have one; or sinkhorn would
-        be a linear programme, for want of compiled kernels.
+        Two solvers have the same name and temperature, or sinkhorn has no compiled kernels and
+        would solve a linear programme.
     """
     if KERNEL == "numpy" and any(solver.name == "sinkhorn" for solver in solvers):
         raise ConfigError(
@@ -197,11 +197,11 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
 
 
 ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
-"""Work that is done once for all solvers, and the span of the stopwatch that has its time."""
+"""Work that is done once for all solvers, and its span in the stopwatch."""
 
 
 def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
-    """Return pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    """Return pairs of runs whose brackets do not overlap, so that one of the proofs is wrong."""
     proven = [(run["name"], bracket) for run in runs if (bracket := bracket_of(run))]
     return [
         (first, second)
@@ -211,13 +211,13 @@ def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
 
 
 def referee(runs: Sequence[Json]) -> Interval | None:
-    """Intersect the brackets of all runs: None where they contradict each other."""
+    """Return the intersection of the brackets of all runs; None if brackets do not overlap."""
     proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
 
 def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
-    """Bound the relative distances of both ends of a run above and below the total."""
+    """Return bounds of the relative errors of both ends of a bracket: above and below the total."""
     bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
@@ -232,7 +232,7 @@ def entropic_error(value: float | None, known: Interval | None) -> float | None:
 
 
 def bracket_of(run: Json) -> Interval | None:
-    """Return the bracket that a run proves for the total; None where it failed."""
+    """Return the bracket that a run proves for the total; None if the run failed."""
     if run["total"] is None:
         return None
     return Interval(lower=run["total_lower"], upper=run["total"])
@@ -243,18 +243,18 @@ def compare_solvers(
     solvers: Sequence[Solver],
     progress: Progress | None = None,
 ) -> list[Run]:
-    """Run all solvers, one after the other; one that fails leaves the others their results.
+    """Run all solvers, one after the other; a failed solver does not affect the other results.
 
-    Those that are not begun when the work is to stop are left out.
+    Solvers that have not begun when the work is stopped are left out.
 
     Parameters
     ----------
     prepared : PreparedPair
-        The problem; made once.
+        Problem for all solvers.
     solvers : sequence of Solver
-        With their settings.
+        Solvers with their settings.
     progress : Progress, optional
-        Gets which of them runs, and how far that is.
+        Receives the name of the current solver, and the share that is done.
     """
     progress = progress or Progress()
     runs: list[Run] = []
@@ -276,20 +276,20 @@ def solvers_document(
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
 ) -> Json:
-    """Return the JSON document: the runs, with their errors against what all of them prove.
+    """Return the JSON document: the runs, with errors relative to the bracket of all runs.
 
     Parameters
     ----------
     runs : sequence of dict
-        What was found.
+        Records of the runs.
     prepared : PreparedPair
-        The problem.
+        Problem that was solved.
     left_out : dict
-        Solvers that did not run, and why.
+        Reasons by solver that did not run.
     seconds : dict
-        What was done once for all, and how long it took.
+        Times of work that was done once for all solvers.
     warnings : list of dict
-        What looks wrong with the data.
+        Warnings about the data.
     """
     known, opposed = referee(runs), contradictions(runs)
     for run in runs:
@@ -323,24 +323,24 @@ def solvers_document(
 
 
 # -------------------------------------------------------------------------------------------------
-# The scaling study: solvers on synthetic scenes of many sizes, several of each.
+# The scaling study: solvers on synthetic scenes of many sizes, with several scenes of each size.
 #
-# After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
-# error over the number of targets and over the number of steps. Every scene has a seed of its own,
-# made of the seed of the study, the size and the number of the run: later scenes leave the others
-# as they are.
+# The study follows figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over
+# temperature, and time and error over the number of targets and the number of steps. The seed of a
+# scene depends only on the seed of the study, the size and the number of the run, so that more
+# scenes do not change existing ones.
 
 Key = tuple[int, int, int]
 """Targets, steps and number of a scene."""
 
 Scenes = dict[Key, list[Row]]
-"""The rows of scenes, one for each solver."""
+"""Rows of each scene, one per solver."""
 
 Keep = Callable[[Sequence[Row]], object]
-"""Gets the rows of a scene."""
+"""Callable that receives the rows of a scene."""
 
 STORE_FOLDER = "runs"
-"""The store of the rows, in the folder of a study."""
+"""Folder of the store of rows, in the folder of a study."""
 
 OF_SCENE = ("targets", "steps", "run")
 """Labels of a scene."""
@@ -356,12 +356,12 @@ def machine() -> str:
 
 @contextmanager
 def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
-    """Yield the scenes that are stored below a folder, and a function that stores one more.
+    """Yield the scenes that are stored in a folder, and a function that stores another scene.
 
     Raises
     ------
     ConfigError, InputError
-        The store is of another study, or at work, or damaged, or cannot be written.
+        The store has another study, is used by another process, is damaged, or cannot be written.
     """
     store = Store(os.path.join(folder, STORE_FOLDER))
     nothing = dict.fromkeys(("truth", "estimate", "layout", "seqmap"))
@@ -386,13 +386,13 @@ def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
 
 
 def _plain(rows: "pd.DataFrame") -> Iterator[Row]:
-    """Yield rows with None for what is not there."""
+    """Yield rows with None for missing values."""
     for row in rows.to_dict("records"):
         yield {str(name): value if value == value else None for name, value in row.items()}
 
 
 def key_of(scene: Key, solver: Solver) -> str:
-    """Return the key of a row, in a store of one study."""
+    """Return the key of a row in the store of a study."""
     return "/".join((*map(str, scene), name_of(solver)))
 
 
@@ -406,21 +406,21 @@ class Study:
     Parameters
     ----------
     scene : Scene
-        Scenario and area; targets and steps are those of the sizes.
+        Scenario and area. Targets and steps are replaced by those of each size.
     tracker : Tracker
-        Its errors.
+        Errors of the simulated tracker.
     seed : int
-        Of the whole study.
+        Seed of the whole study.
     parameters : Parameters
-        Of the metric.
+        Parameters of the metric.
     distance : Distance
-        Between states.
+        Distance between states.
     solvers : sequence of Solver
-        With their settings.
+        Solvers with their settings.
     targets, steps : sequence of int
-        All of the one with all of the other.
+        Numbers of targets and of steps. Every combination is a size.
     runs : int
-        Scenes of each size.
+        Number of scenes of each size.
     """
 
     scene: Scene
@@ -453,7 +453,7 @@ class Study:
 
     @property
     def settings(self) -> Json:
-        """Everything that a record depends on, but for its own size and number."""
+        """Everything that determines a record, except the size and number of its scene."""
         scene = asdict(self.scene)
         return {
             "scene": {name: scene[name] for name in ("scenario", "area", "state")},
@@ -468,7 +468,7 @@ class Study:
         }
 
     def wanted(self) -> Iterator[Key]:
-        """Yield targets, steps and number of each scene: every size once, then all again."""
+        """Yield targets, steps and number of each scene: all sizes of run 1, then of run 2, ..."""
         for run in range(1, self.runs + 1):
             for targets, steps in self.sizes:
                 yield targets, steps, run
@@ -480,18 +480,18 @@ def carry_out(
     keep: Keep = lambda _: None,
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[list[Row]]:
-    """Return the rows of all requested scenes; missing ones are made.
+    """Return the rows of all scenes of a study, after measuring the missing scenes.
 
     Parameters
     ----------
     study : Study
-        What is wanted.
+        Requested scenes and solvers.
     known : dict
-        Rows by targets, steps and number.
+        Known rows by targets, steps and number. New rows are added.
     keep : callable
-        Gets the rows of every new scene at once.
+        Callable that receives the rows of every new scene immediately.
     notify : callable
-        Gets what is next, and the share that is done.
+        Callable that receives a text about the next scene, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
         warm_up(study.solvers)
@@ -509,7 +509,7 @@ def carry_out(
 
 
 def measure(study: Study, scene: Key) -> list[Row]:
-    """Run one scene through all solvers; what fails is a row, and does not stop the study."""
+    """Run all solvers on one scene; a failure becomes a row, and does not stop the study."""
     targets, steps, _ = scene
     rng = np.random.default_rng([study.seed, *scene])
     stopwatch = Stopwatch()
@@ -554,7 +554,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
 
 
 def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) -> Json:
-    """Return the JSON document: mean and spread of each size and solver."""
+    """Return the JSON document, with mean and spread for each size and solver."""
     by_size: dict[str, list[list[Json]]] = {f"{m}/{steps}": [] for m, steps in study.sizes}
     opposed = []
     for rows in scenes:
@@ -576,13 +576,13 @@ def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) 
 
 
 def _as_run(row: Row) -> Json:
-    """Return a row by the names of a run of a solver."""
+    """Return a row with the field names of a run."""
     has = row["status"] != "failed"
     return {**row, "name": row[LABEL + "solver"], "total": row["total_upper"] if has else None}
 
 
 def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
-    """Return the record of a size; scenes whose brackets contradict each other are not in means."""
+    """Return the record of a size; means leave out scenes with contradictory brackets."""
     sound = [runs for runs in scenes if not contradictions(runs)]
     best = [
         min(answered, key=itemgetter("total"))
@@ -613,7 +613,7 @@ def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
 def _solver(
     solver: Solver, scenes: Sequence[Sequence[Json]], sound: Sequence[Sequence[Json]], k: int
 ) -> Json:
-    """Return the record of one solver and size; errors against the brackets of all solvers."""
+    """Return the record of one solver and size, with errors relative to the referee."""
     every = [runs[k] for runs in scenes]
     known = [(runs[k], referee(runs)) for runs in sound if runs[k]["total"] is not None]
     ends = [errors(run, total) for run, total in known]
@@ -637,7 +637,7 @@ def _solver(
 
 
 def spread(values: Iterable[float | None]) -> Json:
-    """Return mean, standard deviation (divisor n - 1) and largest of those that are there."""
+    """Return mean, standard deviation (divisor n - 1) and largest of the known values."""
     numbers = np.array([value for value in values if value is not None], float)
     return {
         "mean": float(numbers.mean()) if len(numbers) else None,

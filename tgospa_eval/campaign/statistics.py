@@ -1,7 +1,7 @@
-"""Inference from several jobs: intervals and tests of the cost on further, similar truths.
+"""Inference from several jobs: intervals and tests of the cost on other truths like these.
 
-The sample consists of truths, since jobs of one truth are not independent of each other. If there
-is only one truth, it consists of jobs.
+The sample consists of truths, as jobs of one truth are not independent of each other. If there is
+only one truth, the sample consists of its jobs.
 """
 
 import itertools
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERMUTATIONS = 9999
-"""Number of random exchanges, if there are more exchanges than this."""
+"""Number of random exchanges, used where the number of all exchanges is larger."""
 
 PERMUTATION_SEED = 1
 """Fixed seed, so that the same data have the same p values."""
 
 CONFIDENCE = 0.95
-"""Level of the intervals; tests are significant below 1 - `CONFIDENCE`."""
+"""Level of the intervals; tests are significant below 1 minus this level."""
 
 MIN_PAIRS = 6
-"""Smallest number of pairs with which a two-sided p value, at least 2 / 2^n, can be below 0.05."""
+"""Smallest number n of pairs for two-sided p values below 0.05: the smallest p value is 2 / 2^n."""
 
 TIE = 1e-12
-"""Tolerance, relative to the sum of absolute values, within which sums are equal."""
+"""Tolerance relative to the sum of all sizes: sums that differ by less are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Largest number of values in memory at once."""
+"""Numbers in one portion of random exchanges, which bounds the memory."""
 
 OF_INTERVALS = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
 """Columns of the intervals of groups."""
@@ -46,7 +46,7 @@ TOTAL_ENDS = ["total_lower", "total_upper"]
 def intervals(
     lower: Floats, upper: Floats, order: Floats | float, steps: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return intervals of combined values: Student's t of their logarithm, by the jackknife.
+    """Return intervals of combined values, by Student's t of their logarithm and the jackknife.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def intervals(
     order : float or array, shape (rows, 1)
         The order p.
     steps : array, shape (n,) or (rows, n), optional
-        Steps of each total; with them, intervals are those of values per step, ratios of sums.
+        Steps of each total. If given, the intervals are those of values per step (ratios of sums).
 
     Returns
     -------
     tuple of array, shape (rows,)
         Lower and upper ends.
     """
-    # Totals are sorted, so that their order does not change the rounding of the sums.
+    # Totals are sorted, so that the sums do not depend on their order, not even by rounding.
     place = np.lexsort((upper, lower))
     lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
     per: Floats | float = 1.0
@@ -73,7 +73,7 @@ def intervals(
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # The deviation is largest if a single total is above 0. This limits margins of wide brackets.
+    # The deviation is largest if only one total is above 0; this limits intervals of wide brackets.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -81,17 +81,20 @@ def intervals(
 
 
 FEW_EVENTS = 10
-"""With fewer runs that have a cost, an interval is based on their share, not on the jackknife."""
+"""Number of runs with a cost below which intervals use their share instead of the jackknife.
+
+The jackknife cannot estimate the spread of so few costs.
+"""
 
 
 def rare_intervals(
     lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Return intervals of root mean squares, also if only few runs have a cost.
+    """Return intervals of root mean squares, also where few runs have a cost above 0.
 
-    With fewer than `FEW_EVENTS` such runs, the interval is that of their share (Clopper and Pearson
-    1934) times the cost of one. This is the smaller, for the upper end the larger, of their mean
-    cost and `typical`. Coverage by simulation: docs/theory/intervals.md.
+    With fewer than `FEW_EVENTS` such runs, an end is an end of the interval of their share (Clopper
+    and Pearson 1934) times a cost per run. The cost is the smaller (lower end) or larger (upper
+    end) of the mean of these runs and `typical`. Coverage by simulation: docs/theory/intervals.md.
 
     Parameters
     ----------
@@ -100,12 +103,12 @@ def rare_intervals(
     order : float
         The order p.
     typical : float
-        Mean over all times of the costs above 0; NaN if all are 0.
+        Mean of all costs above 0 at all times; NaN if no run has a cost.
 
     Returns
     -------
     tuple of array, shape (rows,)
-        Lower and upper ends; NaN if the cost of a run is not known.
+        Lower and upper ends; NaN where the cost per run is not known.
     """
     from scipy.special import betaincinv  # lazy: slow to import
 
@@ -127,7 +130,7 @@ def rare_intervals(
 
 
 def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
-    """Return the combined values without each total, scaled to all totals, or per step.
+    """Return the combined values without each total, scaled to the number of totals, or per step.
 
     Parameters
     ----------
@@ -136,7 +139,7 @@ def without_each(totals: Floats, order: Floats | float, steps: Floats | None = N
     order : float or array, shape (rows, 1)
         The order p.
     steps : array, shape (n,) or (rows, n), optional
-        Steps of each total.
+        Steps of each total, for values per step.
 
     Returns
     -------
@@ -190,7 +193,7 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
     Returns
     -------
     array, shape (tests,)
-        Largest p value for any values between the bounds.
+        Largest p value for any differences between the bounds.
     """
     sides = np.concatenate([-upper, lower]).T
     tails = exchanged_p_values([(sides, 0)], np.abs(sides).sum(axis=0))
@@ -199,23 +202,23 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
 
 
 Exchangeable = tuple[Floats, int]
-"""Values (n, tests) that can be exchanged, and how many of the first ones are on the tested side.
-
-The number is 0 for differences of pairs, whose signs can be flipped."""
+"""Values (n, tests) that can be exchanged with each other, and the number of first values that are
+on the side whose sum is tested; 0 for differences of pairs, whose signs can be flipped."""
 
 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
     """Return one-sided p values of too large sums, under all exchanges or many random ones.
 
-    The statistic is the sum of the first side less that of the other, scaled to the same number of
-    values. Strata are added up. SciPy has this test for one stratum, without a tolerance.
+    The statistic is the sum of the first side less the sum of the other side, scaled to the same
+    number of values. Strata are added up. SciPy has this test for one stratum, and without
+    allowance for rounding.
 
     Parameters
     ----------
     strata : sequence of Exchangeable
         At least one stratum.
     size : float or array, shape (tests,)
-        Sum of absolute values: sums that differ by at most `TIE` times it are equal.
+        Sum of the sizes of all numbers. Sums that differ by less than `TIE` times `size` are equal.
 
     Returns
     -------
@@ -236,7 +239,7 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data themselves count as one more exchange, since random ones may lack it.
+    # The data as they are count as one exchange, as random exchanges may not include it.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 
@@ -247,13 +250,13 @@ def exchanges(count: int, first: int) -> int:
 
 
 def _signs(count: int, first: int) -> Floats:
-    """Return the factor of each value in the statistic without an exchange."""
+    """Return the factor of each value in the statistic of the data."""
     other = -first / (count - first) if first else 1.0
     return np.concatenate([np.ones(first), np.full(count - first, other)])
 
 
 def _all_exchanges(count: int, first: int) -> Floats:
-    """Return the factors of the values under every exchange, a row for each."""
+    """Return the factors of the values under every exchange, one row per exchange."""
     if not first:
         numbers = np.arange(1 << count)[:, None] >> np.arange(count)
         return np.where(numbers & 1, -1.0, 1.0)
@@ -264,7 +267,7 @@ def _all_exchanges(count: int, first: int) -> Floats:
 
 
 def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
-    """Return the factors of the values under random exchanges, a row for each draw."""
+    """Return the factors of the values under random exchanges, one row per draw."""
     count = len(signs)
     if first == 1:
         rows = np.full((draws, count), signs[-1])
@@ -277,18 +280,18 @@ def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) ->
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """Yield the numbers of draws of `size` values at a time, `count` in all."""
+    """Yield the numbers of draws per portion, for draws of `size` numbers each."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """Return the number of flips that are tried; 0 for too few pairs."""
+    """Return the number of flips that a test uses; 0 with too few pairs."""
     return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """Adjust p values for their number (Holm 1979), with optional weights; keep their order."""
+    """Return p values adjusted for their number (Holm 1979), with optional weights."""
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
     left = np.cumsum(shares[order][::-1])[::-1]
@@ -306,7 +309,7 @@ def confidence(
     Parameters
     ----------
     having : DataFrame
-        Rows of a store that have a value.
+        Rows of a store with a value.
     groups : Series of int
         The group of each row, by the index of the rows.
     orders : Series of float
@@ -315,8 +318,8 @@ def confidence(
     Returns
     -------
     DataFrame
-        A row for each group: ``confidence_lower``, ``confidence_upper`` of the combined value, and
-        ``per_step_confidence_lower``, ``per_step_confidence_upper``.
+        One row per group: ``confidence_lower``, ``confidence_upper`` of the combined value, and
+        ``per_step_confidence_lower``, ``per_step_confidence_upper`` of the value per step.
     """
     import pandas as pd
 

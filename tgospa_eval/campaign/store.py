@@ -1,7 +1,7 @@
-"""The store of a batch: its settings, and a row for each job in several part files.
+"""Store of a batch: settings, and parts with a row for each job.
 
-A part is written to a temporary file and renamed. So a killed process leaves all parts that were
-finished before, and no incomplete part. If several rows have one key, the last finished one counts.
+A part is written to a temporary file and then renamed. A process that is killed therefore leaves
+all finished parts and no incomplete part. Of several rows with one key the last done row counts.
 """
 
 import errno
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row from a worker that has the steps of its job by column; not stored in the row."""
+"""Field of a row with the steps of a job by column, between a worker and the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
-"""Columns of a job with its number of rows of steps, and whether these have the curve."""
+"""Columns of the row of a job: number of rows of steps, and whether these have the curve."""
 
 COST_COLUMNS = ("total", *PARTS)
 """Columns of costs."""
@@ -48,7 +48,7 @@ COST_COLUMNS = ("total", *PARTS)
 CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
 CURVE_PARTS = tuple(f"curve.{part}" for part in PARTS)
-"""Columns with the parts of the cost of the steps up to each, per step."""
+"""Columns with parts of the curve: costs of the steps up to each step, divided by their number."""
 
 GOSPA_COLUMNS = ("gospa", "gospa.localisation", "gospa.missed", "gospa.false")
 
@@ -62,12 +62,12 @@ OF_STEPS = {
     **dict.fromkeys(COST_COLUMNS, documents.COST),
     **dict.fromkeys(CURVE_COLUMNS, documents.or_null(documents.COST)),
 }
-"""Columns of all steps."""
+"""Columns that all steps have."""
 
 OF_SOME_STEPS = dict.fromkeys(
     (*CURVE_PARTS, *GOSPA_COLUMNS, *STATE_COLUMNS, *NEES_COLUMNS), documents.or_null(documents.COST)
 )
-"""Columns that only some steps have."""
+"""Columns that some steps have."""
 
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
@@ -77,12 +77,12 @@ ANEW = "delete the file; batch then evaluates its jobs again"
 
 @contextmanager
 def read_part(path: Path) -> Iterator[None]:
-    """Turn errors of reading a part into `InputError`.
+    """Raise faults of a part as errors for the user.
 
     Raises
     ------
     InputError
-        The part cannot be read, or is wrong.
+        The part cannot be read or is damaged.
     """
     import pyarrow as pa
 
@@ -97,9 +97,9 @@ def read_part(path: Path) -> Iterator[None]:
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the steps of a job as columns of its row, if they are requested.
 
-    The columns are the times as they were read; the number of steps of the horizon up to each;
-    costs, in state units to the power p; and the value of the steps up to each with its bounds, as
-    in `Result.curve`, which is NaN if it was not requested.
+    The columns are the times as they were read, the number of steps of the horizon up to each step,
+    and costs in state units to the power p. Then the value of the steps up to each step and its
+    bounds, as in `Result.curve`; NaN if the curve was not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -121,7 +121,7 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
 
 
 def step_table(rows: Sequence[Row]) -> "pa.Table | None":
-    """Return the steps of all jobs that have some, one job after another."""
+    """Return one table with the steps of all jobs, job by job; None without steps."""
     import pyarrow as pa
 
     having = [row for row in rows if row.get(STORED_STEPS)]
@@ -143,14 +143,14 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
 
 
 def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-    """Read the steps of the jobs of these rows; None if no job has steps.
+    """Read the steps of the jobs of these rows; None without steps.
 
     Returns
     -------
     DataFrame
-        A row for each step. ``job`` is the index of the row of its job, ``steps`` the number of
-        steps of the horizon up to it, ``t`` its time as read. Further columns are `COST_COLUMNS`,
-        `CURVE_COLUMNS` (NaN if not requested) and the stored ones of `OF_SOME_STEPS`.
+        Columns of each step: ``job`` (number of the row of the job), ``steps`` (number of steps of
+        the horizon up to it), ``t`` as read, `COST_COLUMNS`, and `CURVE_COLUMNS` (NaN if not
+        requested). Columns of `OF_SOME_STEPS` are included where they exist.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
             if wrong:
                 raise ValueError(wrong)
             table = read.select([*OF_STEPS, *some]).to_pandas()
-            # A job is looked up only at its first step.
+            # Each job is looked up once, at its first step.
             first = table["step"] == 1
             if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
                 raise ValueError("the steps of a job are not in order of time")
@@ -194,7 +194,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
 
 
 def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
-    """Yield jobs whose steps contradict each other or their row, and how."""
+    """Yield each job whose steps contradict each other or its row, with a description."""
     with np.errstate(over="ignore"):
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:
@@ -217,7 +217,7 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
 
 
 ALL_BYTES = 2**31 - 1
-"""Bytes of the lock file that lock all shards on Windows; each shard has one byte."""
+"""Bytes of a lock file that are locked on Windows for all shards; a shard locks one byte."""
 
 NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 """Errors of file systems without locks, such as Lustre without the option flock."""
@@ -227,21 +227,21 @@ NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> Iterator[None]:
     """Lock the jobs of a shard; processes may work on other shards at the same time.
 
-    The system releases the locks when a process ends, even if it is killed.
+    The operating system releases the locks at every end of a process, also if it is killed.
 
     Parameters
     ----------
     folder : Path
-        Folder of the lock.
+        Folder of the lock files.
     shard : pair of int
-        Number of the shard, from 0, and the number of shards.
+        Number of the shard, from 0, and number of shards.
     said : Path, optional
-        Folder that the user named, if it is another.
+        Folder that the user has named, if different.
 
     Raises
     ------
     ConfigError
-        Another process works on these jobs, or the folder cannot be written.
+        Another process works on the same jobs, or the folder cannot be written.
     """
     with ExitStack() as stack:
         try:
@@ -255,19 +255,19 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
             if error.errno not in NO_LOCKS:
                 raise
             files.announce(
-                f"{option('output', said or folder, short=True)}: no locks there; let nothing "
-                "else work on it meanwhile"
+                f"{option('output', said or folder, short=True)}: the file system has no locks; "
+                "let no other process use this folder meanwhile"
             )
         yield
 
 
 def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
-    """Take the locks: on POSIX shared or exclusive ones, on Windows ranges of bytes."""
+    """Take the locks: shared locks on POSIX, and locks of byte ranges on Windows."""
     number, count = shard
 
     def opened(name: str) -> Any:
         with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
-            # NFS supports shared locks only on files that are open for reading.
+            # NFS gives shared locks only on files that can be read.
             return stack.enter_context((folder / name).open("a+"))
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
@@ -300,7 +300,7 @@ def is_store(path: str | None) -> bool:
 
 
 class Store:
-    """A folder of results.
+    """Folder with the results of a batch.
 
     Parameters
     ----------
@@ -311,14 +311,14 @@ class Store:
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)
         try:
-            import pyarrow  # noqa: F401  (here: the extra may be missing)
+            import pyarrow  # noqa: F401  (checks that the extra is installed)
         except ModuleNotFoundError:
             raise ConfigError(
                 f"a store of rows needs the extra parquet: {install('parquet')}"
             ) from None
 
     def open(self, settings: Mapping[str, Any]) -> None:
-        """Begin a store, or continue one with the same settings.
+        """Begin a store, or continue a store with the same settings.
 
         Raises
         ------
@@ -334,7 +334,7 @@ class Store:
                         f"{option('output', self.folder, short=True)}: is not empty and not a "
                         "batch; name another folder"
                     )
-                # Several shards may begin at once: all write the same settings, later ones compare.
+                # Shards that begin at the same time write the same file, and compare it below.
                 with writing(path, option("output", self.folder, short=True)) as beside:
                     beside.write_text(
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
@@ -360,7 +360,7 @@ class Store:
         Raises
         ------
         InputError
-            The folder is not a batch, or its settings are damaged.
+            The folder is not a batch.
         """
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
@@ -370,7 +370,7 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """Return one row for each job, sorted by labels: its last done row, or else the last one.
+        """Return one row per job, sorted by labels: its last done row, or else its last row.
 
         Raises
         ------
@@ -383,7 +383,7 @@ class Store:
 
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            # The file is opened directly: to search for a dataset takes longer than reading.
+            # Files are opened one by one, as the search for a dataset takes longer than reading.
             with read_part(path), pq.ParquetFile(path) as file:
                 part = file.read().replace_schema_metadata()
                 wrong = part_fault(part)
@@ -396,7 +396,7 @@ class Store:
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
-        # A changed file gives its job another key, so the older row no longer counts.
+        # A changed file has another key: the older row with the same paths no longer counts.
         same = [*labels, "truth", "estimate", "options"]
         latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
         latest["_done"] = latest["status"] == "done"
@@ -404,12 +404,12 @@ class Store:
         latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
         latest = latest.drop_duplicates(same, keep="last")
         kept = latest.sort_values(labels or "key", kind="stable").index
-        # There are many columns, so all are taken in one call.
+        # Rows are selected with few columns, and all columns are taken once at the end.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Store rows in one part.
+        """Store some rows as one part.
 
         Raises
         ------
@@ -421,10 +421,10 @@ class Store:
 
         if not rows:
             return
-        # The name is unique and sorts after all earlier ones.
+        # The name is unique, and sorts after all earlier names.
         name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
-        # Steps are written first, so that all stored jobs have their steps.
+        # Steps are written first, so that no known job lacks its steps.
         if steps is not None:
             self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
         names = dict.fromkeys(name for row in rows for name in row if name != STEPS)
@@ -439,7 +439,7 @@ class Store:
             write(beside)
 
     def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
-        """Read the steps of the jobs of these rows; None if no job has steps.
+        """Read the steps of the jobs of these rows; None without steps.
 
         Raises
         ------

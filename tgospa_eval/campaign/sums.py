@@ -1,9 +1,8 @@
 """Sums of the jobs of a batch: costs are added, never their roots.
 
-Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
-steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
-is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a sum are the sums of
-the bounds.
+COMBINED of a group of jobs is ``(sum of totals)^(1/p)``. Its value per step is ``(sum of totals /
+sum of steps)^(1/p)`` with the steps of the horizon. RMS is ``(mean of totals)^(1/p)``, as for Monte
+Carlo runs (docs/reference/batch.md). Bounds of a sum are the sums of the bounds.
 """
 
 import json
@@ -56,25 +55,25 @@ if TYPE_CHECKING:
 
 
 WITH_PREFIX = "with."
-"""Beginning of columns of other metrics."""
+"""Prefix of the names of columns of other metrics."""
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
-    """Return the metrics that are stored, in the order of their columns."""
+    """Return the names of stored other metrics, in the order of their columns."""
     inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
 
 def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
-    """Return numbers of a group of rows, by the names of their columns.
+    """Return other metrics of a group of rows, by the names of their columns.
 
-    Matches are counted over all rows, and what is a ratio is one of these sums; costs of GOSPA are
-    added. Those of one row are as they are.
+    Matches are counted over all rows, and ratios are ratios of these sums. Costs of GOSPA are
+    added. Numbers of a single row are unchanged.
 
     Parameters
     ----------
     rows : DataFrame
-        Of a store, each with a value; with the same distance and cutoff.
+        Rows of a store with a value, with the same distance and cutoff.
 
     Raises
     ------
@@ -121,16 +120,16 @@ SUMS = (
 )  # fmt: skip
 
 ENDS = ("", "_lower", "_upper")
-"""Ends of the names of a value and its bounds."""
+"""Suffixes of the names of a value and its bounds."""
 
 
 def check_labels(by: Sequence[str], known: Collection[str]) -> None:
-    """Check that there are labels of these names.
+    """Check that labels with these names exist.
 
     Raises
     ------
     ConfigError
-        There is no such label.
+        A name is not a label.
     """
     unknown = [name for name in by if name not in known]
     if unknown:
@@ -143,23 +142,23 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
 def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
     """Return all tables of a batch: groups, and the order of the values of the first label.
 
-    A group has labels (one that is called like another column keeps its ``label.``), parameters
-    that differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there are
-    of groups with which it shares a truth.
+    A row of a group has its labels, parameters that differ between jobs, sums and their roots. A
+    label with the name of another column keeps ``label.``. ``jobs`` is the number of jobs with a
+    value. ``expected`` is the number of different jobs of groups that share a truth with it.
 
     Parameters
     ----------
     rows : DataFrame
-        Of a store.
+        Rows of a store.
     by : sequence of str
-        Labels that make a group; values of the first are compared.
+        Labels that define the groups. Values of the first label are compared.
     roots : bool
-        Whether with means of roots.
+        Whether to add means of roots.
 
     Raises
     ------
     ConfigError
-        There is no such label.
+        A name in `by` is not a label.
     """
     check_labels(by, label_names(rows))
     if not len(rows) or (rows["status"] == "failed").all():
@@ -169,7 +168,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     rows, parameters = with_parameters(rows)
     filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
-    # The parameters of a job without value are not known.
+    # The parameters of a job without a value are not known.
     heads, numbers = _groups(having if parameters else filled, by, parameters)
     own = numbers.loc[having.index]
     orders = having["order"].groupby(own).first()
@@ -210,7 +209,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
 def _groups(
     rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]
 ) -> tuple["pd.DataFrame", "pd.Series[int]"]:
-    """Return the groups, digits in labels in the order of numbers, and the group of each row."""
+    """Return the groups, in natural order of their labels, and the number of the group by row."""
     import pandas as pd
 
     keys = [*(LABEL + name for name in by), *differing]
@@ -231,7 +230,7 @@ def _groups(
 def _summed(
     having: "pd.DataFrame", numbers: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Sum over the jobs of each group, with roots."""
+    """Return sums over the jobs of each group, and their roots."""
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
@@ -251,9 +250,9 @@ def _summed(
 def _expected(
     rows: "pd.DataFrame", numbers: "pd.Series[int]", by: Sequence[str], differing: Sequence[str]
 ) -> Any:
-    """Return the number of jobs that each group would have if it were like groups similar to it.
+    """Return the number of jobs that each group would have with every job of similar groups.
 
-    These are groups with a truth in common, or all groups where each has one truth alone.
+    Similar groups have a truth in common, or all groups are similar if each has only one truth.
 
     Returns
     -------
@@ -271,7 +270,7 @@ def _expected(
 
 
 def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield warnings about the data of jobs: a line a kind, with how many jobs and the first."""
+    """Yield one warning per kind about the data: the first job, and the number of other jobs."""
     if "warnings" not in rows:
         return
     by_code: dict[str, list[tuple[str, Notice]]] = {}
@@ -287,12 +286,12 @@ def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
-    """Return the sums of each group that has slices, by its number.
+    """Return the sums of slices by the number of the group, for groups with slices.
 
     Parameters
     ----------
     having : DataFrame
-        Rows of a store that have a value.
+        Rows of a store with a value.
     numbers : Series of int
         The group of each row, by the index of the rows.
     """
@@ -308,28 +307,27 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # -------------------------------------------------------------------------------------------------
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
-# Every run of a group counts at each time, with cost 0 where it has nothing; where no more than
-# half of the runs have a time in common, or a clock is asked for, a run counts from its first step
-# to its last. Sums over time and over runs go from left to right, runs in the order of the jobs,
-# and powers are those of Python, so that a script that adds up single results gets the same
-# doubles.
+# Every run of a group counts at each time, with cost 0 where it has no step. If at most half of the
+# runs have a time in common, or a clock is requested, a run counts from its first to its last step.
+# Sums over time and over runs are computed from left to right, with runs in the order of the jobs.
+# Powers are those of Python. A script that adds up single results therefore gets the same doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
-"""Settings of the bootstrap."""
+"""Number of resamples and seed of the bootstrap."""
 
 BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
-"""Ends of bands."""
+"""Levels of the ends of a band."""
 
 BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
-"""Draws that are at either end of a band, or outside."""
+"""Number of resamples at or beyond each end of a band."""
 
 MAX_BANDED = 20_000
-"""Times with bands, of runs that have few in common."""
+"""Largest number of times with bands, for runs with few times in common."""
 
 Bounds = tuple[Sequence[float], Sequence[float]]
 
 Line = tuple[list[float], Band | None]
-"""Root mean squares, and what is around them; None where there are too few runs."""
+"""Root mean squares and their band; None with too few runs."""
 
 MIN_RUNS: Mapping[BandKind, int] = {
     "interval": statistics.MIN_PAIRS,
@@ -337,7 +335,7 @@ MIN_RUNS: Mapping[BandKind, int] = {
     "percentiles": 2,
     "deviation": 2,
 }
-"""Runs below which there are no bands."""
+"""Smallest number of runs with a band, by kind of band."""
 
 
 def rms_curves(
@@ -347,21 +345,21 @@ def rms_curves(
     band: BandKind = "interval",
     over: str | None = None,
 ) -> tuple[list[RmsCurve], list[str]]:
-    """Return the curves of each group of jobs whose steps are stored, and messages about them.
+    """Return the curves of each group of jobs with stored steps, and messages about the curves.
 
     Parameters
     ----------
     rows : DataFrame
-        Of a store, in the order of the jobs.
+        Rows of a store, in the order of the jobs.
     steps : DataFrame, optional
-        Of these rows, as `read_steps` has them.
+        Steps of these rows, as returned by `read_steps`.
     by : sequence of str
-        Labels that make a group; parameters that differ make groups as well.
+        Labels that define the groups. Parameters that differ define groups as well.
     band : str
-        What is around the curves.
+        Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
-        Whether times are those since the start of each run, or its stamps; by default stamps, or
-        since the start where the runs of a group have no time in common.
+        Time axis: time since the start of each run, or timestamps. The default is timestamps, or
+        time since the start if at most half of the runs of a group have a time in common.
     """
     if steps is None:
         return [], []
@@ -402,10 +400,10 @@ def rms_curves(
                     )
                 )
         except TimeError as error:
-            about.append(f"there are none: {error}")
+            about.append(f"not available: {error}")
         if not counts.all():
             missing = f"{np.count_nonzero(~counts):,} of {counted(len(counts), 'run')}"
-            about.append(f"of {missing} no steps are stored, and these do not count")
+            about.append(f"{missing} have no stored steps, and do not count")
         for text in about:
             notes.setdefault(text, []).append("/".join(labels.values()) or "all jobs")
     return curves, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
@@ -418,26 +416,26 @@ def _curves(
     shown: tuple[BandKind, str | None],
     notes: list[str],
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
-    """Yield the curves of these jobs, whose steps these are, and note messages about them."""
+    """Yield the curves of these jobs from their steps, and add messages to `notes`."""
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
         notes.append(
             "the runs have no time in common: t is the time since the start of each run, and a run "
-            f"counts up to its last step; {option('over', 'stamps')} keeps its stamps"
+            f"counts up to its last step; {option('over', 'stamps')} keeps the timestamps"
         )
     elif runs.is_scattered:
         bands = f"; bands are only for up to {MAX_BANDED:,} times" if runs.many else ""
         notes.append(
             "at most times half of the runs or fewer have a step, and the others count with "
-            f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
+            f"cost 0{bands}; where timestamps differ, {option('resample')} gives all the same times"
         )
     else:
         inside = _running(runs.place, runs.slices, len(runs.times))[-1]
         if not runs.own_span and 2 * inside < runs.count:
             notes.append(
-                f"at the last time {inside} of {runs.count} runs go on: others count with cost 0, "
-                f"without objects; {option('over', 'stamps')} counts each from its first step to "
-                "its last"
+                f"at the last time only {inside} of {runs.count} runs have not ended: the others "
+                f"count with cost 0, without objects; {option('over', 'stamps')} counts each run "
+                "from its first step to its last"
             )
     if runs.nees is not None:
         lacking = np.isin(jobs, steps["job"][steps[store.NEES_COLUMNS[0]].isna()])
@@ -477,7 +475,7 @@ def _curves(
 
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
-    """Return cardinality, detection rate and NEES at each time; NaN where there is nothing."""
+    """Return cardinality, detection rate and NEES at each time; NaN without objects or pairs."""
     sums = {name: runs.sums(row, carried=False) for name, row in runs.known(store.STATE_COLUMNS)}
     means: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -491,7 +489,7 @@ def _means(runs: "_Runs") -> dict[str, list[float]]:
 
 
 def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: float) -> Floats:
-    """Return the band (2, K) of costs (N, K) of runs that are between these bounds."""
+    """Return the band (2, K) of costs of runs between these bounds (N, K)."""
     root = 1 / order
     if kind == "interval":
         return np.stack(statistics.rare_intervals(lower.T, upper.T, order, typical))
@@ -509,7 +507,7 @@ def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: f
 
 
 def _resampled(costs: Floats) -> Floats:
-    """Return sorted means of costs (N, K) of runs that are drawn with replacement."""
+    """Return sorted means of costs (N, K) of runs drawn with replacement."""
     runs, rng = len(costs), np.random.default_rng(BAND_SEED)
     draws = max(1, statistics.NUMBERS_AT_ONCE // runs)
     means = np.concatenate(
@@ -524,12 +522,12 @@ def _resampled(costs: Floats) -> Floats:
 
 
 class _Runs:
-    """The R steps of N runs, by run and time, and the T times at which any run has one.
+    """The R steps of N runs in the order of run and time, and the T times of all runs.
 
     Raises
     ------
     TimeError
-        Times are of several kinds.
+        The times are of several kinds.
     """
 
     def __init__(
@@ -553,14 +551,14 @@ class _Runs:
         at_once = _running(place[by_run], self.slices, len(read))
         if over is None and 2 * at_once.max() <= len(begins):
             self.over, self.own_span = "start", True
-        if self.over == "start":  # this keeps the order of the steps of a run
+        if self.over == "start":  # does not change the order of the steps of a run
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
         self.order, self.band = order, band
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
-        # Equal times such as 1 and 1.0 are shown as in the first run.
+        # Equal times such as 1 and 1.0 are shown in the form of the first run.
         first = by_run[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
         self.divisor = np.maximum(self.columns(["steps"])[0], 1)
@@ -574,14 +572,14 @@ class _Runs:
         return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     def known(self, names: Sequence[str]) -> Iterator[tuple[str, Floats]]:
-        """Yield those of the columns (R,) that all steps have."""
+        """Yield name and values (R,) of each column that all steps have."""
         for name in names:
             if name in self.steps and self.steps[name].notna().all():
                 yield name, self.columns([name])[0]
 
     @cached_property
     def nees(self) -> tuple[Floats, Floats] | None:
-        """Sums (T,) of NEES and numbers of pairs over the runs that have some."""
+        """Sums (T,) of NEES, and numbers of pairs, over the runs with NEES."""
         if store.NEES_COLUMNS[0] not in self.steps:
             return None
         total, pairs = np.nan_to_num(self.columns(store.NEES_COLUMNS))
@@ -589,7 +587,7 @@ class _Runs:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """True if most times within several runs are steps of half of these or fewer."""
+        """True if at most times inside several runs, at most half of these runs have a step."""
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
         having = np.bincount(self.place, minlength=size)[inside > 1]
@@ -598,11 +596,11 @@ class _Runs:
 
     @property
     def many(self) -> bool:
-        """True if bands, which take runs by times instead of rows, would take too long."""
+        """True if bands, whose work grows with runs by times, would take too long."""
         return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
-        """Return sums of the costs (M, R) up to each step, by the steps of the horizon up to it."""
+        """Return sums of costs (M, R) up to each step, divided by its number in the horizon."""
         sums = np.empty_like(costs)
         for own in self.slices:
             np.cumsum(costs[:, own], axis=1, out=sums[:, own])
@@ -610,9 +608,9 @@ class _Runs:
         return sums
 
     def sums(self, costs: Floats, *, carried: bool) -> Floats:
-        """Return sums over the runs, from the first to the last, of costs (R,) at each time.
+        """Return sums (T,) of costs (R,) at each time, over the runs in their order.
 
-        Where they are `carried` a run has at each time that of its last step up to it.
+        If costs are `carried`, a run has at each time the cost of its last step up to this time.
         """
         size = len(self.times)
         totals = np.zeros(size)
@@ -626,14 +624,14 @@ class _Runs:
         return totals
 
     def rms(self, costs: Floats, *, carried: bool) -> list[float]:
-        """Return root mean squares over the runs of costs (R,) at each time."""
+        """Return root mean squares over the runs at each time, of costs (R,)."""
         means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
         return [cost ** (1 / self.order) for cost in means.tolist()]
 
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Return root mean squares of costs (R,) at rows, with the band of costs between bounds."""
+        """Return root mean squares of costs (R,), and the band of costs between `bounds`."""
         band = None
         if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
@@ -658,10 +656,10 @@ class _Runs:
         return self.rms(costs, carried=carried), band
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
-        """Yield, for one batch of times after the other, the steps (N, K) of all runs and a mask.
+        """Yield batches of K times: steps (N, K) of all runs, and masks of steps and of runs.
 
-        Where they are `carried` a run has at each time its last step up to it. The last array says
-        which runs count.
+        If steps are `carried`, a run has at each time its last step up to this time. The first mask
+        marks cells with a step, and the second mask marks cells of runs that count.
         """
         ends = np.array([[0, len(self.times)]] * self.count)
         if self.own_span:
@@ -681,7 +679,10 @@ class _Runs:
 
 
 def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
-    """Count the runs, each with its places in order, that are between their ends (size,)."""
+    """Return the number of runs (size,) between first and last step at each time.
+
+    The places of each run are in order.
+    """
     change = np.zeros(size + 1, np.int64)
     for own in runs:
         change[place[own.start]] += 1
@@ -690,7 +691,7 @@ def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
 
 
 def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
-    """Return times since the first step of their run, in seconds or the unit of the stamps."""
+    """Return times since the first step of the run, in seconds or the unit of the timestamps."""
     times = parse_times(list(map(str, read)), floats)
     value = times.value[codes]
     first = np.full(runs, value.max(), value.dtype)
@@ -700,11 +701,11 @@ def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Flo
 
 
 DIGITS_OF_TIMES = 9
-"""Decimals of seconds since a start: differences of decimals are rounded to these."""
+"""Decimals of times since a start, to which differences are rounded."""
 
 
 def _as_read(text: str) -> Time:
-    """Return a time of which the text is stored."""
+    """Return the time that was stored as this text: an integer, a float, or the text."""
     for kind in (int, float):
         try:
             return kind(text)

@@ -1,4 +1,4 @@
-"""Search, test, proof and description of the repairs of an estimate that save most."""
+"""Repairs of an estimate with the largest savings: their search, trial, proof and description."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -48,30 +48,30 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
-# Proof of savings: the components that a repair touches are evaluated again, others keep bounds.
+# Proof of savings: components that a repair touches are evaluated again, and others keep bounds.
 #
-#     V = sum over components of V_b + sum of the prices of what is near to none,
+#     V = sum over components of V_b + sum of the prices of tracks outside all components,
 #
 # and a repair changes few components (docs/theory/solvers.md, "Repairs").
 
 
 Masks = tuple[Mask, Mask]
-"""Some of the truths, and some of the estimates."""
+"""Masks of true objects and of estimates."""
 
 
 class Trials:
-    """Repairs of an evaluated estimate.
+    """Trials of repairs of an evaluated estimate.
 
     Parameters
     ----------
     proof : PairProof
-        What is proven of it.
+        Proof of the evaluation.
     assigned : Assigned
-        Its assignment.
+        Assignment of the evaluation.
     sides : AlignedPair
-        What was evaluated.
+        Evaluated sides.
     request : EvaluationRequest
-        How.
+        Options of the evaluation.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Trials:
         filters = {name.rpartition("_")[2] for name in request.recorded}
         self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
-            sides.distance is not request.distance  # the distance has settings of the data
+            sides.distance is not request.distance  # settings of the distance come from the data
             or "reduce" in distance
             or reach_of(self.aligned.truth, request) is not None
         )
@@ -98,9 +98,10 @@ class Trials:
     def run(
         self, candidates: Sequence[Candidate], stopwatch: Stopwatch
     ) -> list[tuple[Candidate, Bounds, float]]:
-        """Return the proven costs of each candidate that was tried before the stop.
+        """Return each candidate that was tried before the stop, with its proven costs.
 
-        Bounds of the cost after the repair, and the cost of the assignment, in units of c^p.
+        The costs are bounds of the cost after the repair, and the cost of the assignment, in units
+        of c^p.
         """
         progress = stopwatch.progress
         tried = []
@@ -110,12 +111,12 @@ class Trials:
             progress.again("repairs", done / len(candidates))
             try:
                 tried.append((candidate, *self._trial(candidate.edit, stopwatch)))
-            except (ConfigError, InputError):  # for example, no step that counts is left
+            except (ConfigError, InputError):  # for example, no evaluated step is left
                 continue
         return tried
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
-        """Evaluate the repaired estimate like any other."""
+        """Evaluate the estimate after an edit, as a whole or by components."""
         conversion = own_conversion(self.request, self.estimate)
         after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
         if self.request.ignoring is not None:
@@ -148,14 +149,14 @@ class Trials:
         return {*edit.pieces, *added, *fresh}
 
     def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
-        """Return the tracks of an estimate by the numbers that an edit has for them."""
+        """Return the numbers of the tracks of an estimate in an edit."""
         number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
         return np.array([number[name] for name in side.ids.tolist()], np.int64)
 
     def _of_components(
         self, edit: Edit, after: AlignedPair, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Evaluate the components that an edit touches again; the others stay."""
+        """Evaluate again the components that an edit touches, and keep bounds of all others."""
         problem = self.problem
         side = after.alignment.estimate
         track = self._numbers(side, edit)[side.track]
@@ -183,7 +184,7 @@ class Trials:
     def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
         """Return the tracks of all components that an edit touches, and a mask of these components.
 
-        `track` (R,) are the numbers of those of the rows afterwards.
+        `track` (R,) has the numbers of the tracks of the rows `after` the edit.
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)
@@ -199,7 +200,7 @@ class Trials:
                 distance,
             )
             truth_in[truth.track[pairs.truth_row]] = True
-        blocks = np.zeros(len(self.lower) + 1, bool)  # the last one is for tracks of none
+        blocks = np.zeros(len(self.lower) + 1, bool)  # the last is for tracks without a component
         for mask, block in zip((truth_in, estimate_in), self.blocks, strict=True):
             blocks[block[mask]] = True
         blocks[-1] = False
@@ -210,7 +211,7 @@ class Trials:
     def _evaluated(
         self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Evaluate both sides as usual, from the solution before the edit."""
+        """Evaluate both sides, starting from the solution before the edit."""
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solver = self.request.solver
         if isinstance(solver, Certified):
@@ -242,7 +243,7 @@ class Trials:
         step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
-        # A truth that had no row on the grid had no pair either.
+        # A true object without a row on the grid before the edit had no pair.
         known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
         origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
@@ -253,10 +254,10 @@ class Trials:
 
 
 TOP = 10
-"""Repairs that are listed, where nobody says how many."""
+"""Default number of listed repairs."""
 
 TRIED = 2
-"""Repairs that are tried for each that is listed at most."""
+"""Largest number of trials per listed repair."""
 
 
 def explain(
@@ -265,22 +266,22 @@ def explain(
     *,
     stopwatch: Stopwatch | None = None,
 ) -> Explanation:
-    """Return the repairs that are proven to save most, `top` of them at most.
+    """Return at most `top` repairs, with the largest proven savings.
 
     Parameters
     ----------
     result : PairEvaluation
-        As `evaluate` returns it.
+        Result of `evaluate`.
     top : int
-        How many to list; up to `TRIED` times as many are tried.
+        Largest number of listed repairs. Up to `TRIED` times as many are tried.
     stopwatch : Stopwatch, optional
-        Shows how far it is.
+        Stopwatch that shows the progress.
 
     Raises
     ------
     ConfigError
-        `top` is less than 1, or the result knows nothing of its data or is by rules that depend on
-        the repair.
+        `top` is less than 1, the result does not have its data, or options of the evaluation do not
+        support repairs.
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
@@ -319,18 +320,18 @@ def explain(
 
 
 def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
-    """Return the conversion from the estimate's own units; numbers seen as times stay times."""
+    """Return the conversion from the units of the estimate, which scales only times in numbers."""
     scaled = estimate.clock == "number"
     return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Return kinds of repairs after which a filter might leave out other rows.
+    """Return kinds of repairs after which a filter could leave out different rows.
 
     Raises
     ------
     ConfigError
-        The rules of a benchmark are asked for.
+        The evaluation uses the rules of a benchmark.
     """
     filters = request.recorded
     if "preprocess" in filters:
@@ -350,7 +351,7 @@ def _candidates(
     assigned: Assigned,
     limit: int,
 ) -> Iterator[Candidate]:
-    """Yield repairs that may save cost, `limit` or a few more of each kind."""
+    """Yield repairs that may save cost, about `limit` of each kind."""
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
@@ -407,12 +408,12 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Move a saving down (-1) or up (1) by more than the error of product and difference."""
+    """Round a saving down (-1) or up (1) by more than the error of its product and difference."""
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 
 
 def in_words(candidate: Candidate, result: PairEvaluation, offset: dict[str, float]) -> str:
-    """Describe a repair in words."""
+    """Return the description of a repair in words."""
     labels, edit = result.labels, candidate.edit
     first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]
     begin, end = (

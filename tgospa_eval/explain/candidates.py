@@ -1,6 +1,6 @@
-"""Repairs that may save cost, with their savings if nothing else changed.
+"""Repairs that may save cost, with estimated savings if the rest of the assignment stays.
 
-Costs are in units of c^p. What is said here only decides what is tried: `explain.explain` proves.
+Costs are in units of c^p. These savings only decide which repairs are tried: `explain` proves them.
 """
 
 from bisect import bisect_left
@@ -28,16 +28,16 @@ from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories,
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
 # -------------------------------------------------------------------------------------------------
-# Edits of the rows of an estimate. Knows no metric.
+# Edits of the rows of an estimate, independent of the metric.
 
 NO_PARTNER = -1
-"""The partner of what is assigned to nothing."""
+"""Partner of an unassigned row."""
 
 
 class AssignedStretch(NamedTuple):
-    """A truth is assigned to an estimate from one step to another, inclusive.
+    """Assignment of a true object to an estimate from step `begin` to step `end`, inclusive.
 
-    Where either does not exist the assignment is held, as in the programme.
+    The assignment continues at steps without one of the two, as in the linear programme.
     """
 
     truth: int
@@ -56,11 +56,11 @@ class Track:
         self._key = side.step.astype(np.int64) * side.count + side.track
 
     def rows(self, track: int) -> Ints:
-        """Return rows of a track."""
+        """Return the rows of a track."""
         return self.order[self.first[track] : self.first[track + 1]]
 
     def find(self, track: Ints, step: Ints) -> Ints:
-        """Return the row of each track at each step, `NO_PARTNER` where it does not exist."""
+        """Return the row of each track at its step, `NO_PARTNER` if the track does not exist."""
         if not len(self._key):
             return np.full(len(track), NO_PARTNER)
         key = step.astype(np.int64) * self.side.count + track
@@ -75,22 +75,22 @@ class Assigned:
     Parameters
     ----------
     states : States
-        The problem.
+        States of the problem.
     weights : (S,) int array
         A feasible assignment, in units of 1/ONE.
     prices : (K,) float array
-        Of its column slots.
+        Prices of the column slots.
 
     Attributes
     ----------
     truth, estimate : Track
         Rows of both sides.
     followed, follows : (R,) int arrays
-        Of each truth row the track of the estimate with most of its weight, and the other way.
+        Estimate with the largest weight for each truth row, and true object for each estimate row.
     cost : (R,) float array
-        Of each estimate row that follows a truth, what the pair costs.
-    held : SavedSolution
-        What is assigned from when to when, and what is priced.
+        Cost of the pair of each estimate row that follows a true object.
+    saved : SavedSolution
+        Assigned stretches of time, and prices.
     """
 
     def __init__(self, states: States, weights: Ints, prices: Floats) -> None:
@@ -112,7 +112,7 @@ class Assigned:
 
     @cached_property
     def stretches(self) -> list[AssignedStretch]:
-        """Stretches that are assigned by more than half, by truth and time."""
+        """Stretches with a weight above 0.5, in the order of true object and time."""
         kept = self.saved
         main = np.flatnonzero(kept.weight > 0.5)
         main = main[np.lexsort((kept.begin[main], kept.truth[main]))]
@@ -130,7 +130,7 @@ class Assigned:
 
 
 TrackPiece: TypeAlias = tuple[int, int, int]
-"""The rows of a track from one step to another, inclusive, and the track that they become of."""
+"""First and last step (inclusive) of some rows of a track, and their track after the edit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,13 +140,13 @@ class AddedRows:
     Parameters
     ----------
     step, track : (N,) int arrays
-        Where; of one track in the order of time.
+        Step and track of each row. Rows of one track are in the order of time.
     state : (N, d) float array
-        States.
+        State of each row.
     covariance : (N, d (d + 1) / 2) float array, optional
-        Lower triangles, where the other rows have them.
+        Lower triangles of covariances, if the other rows have covariances.
     attributes : mapping of str to (N,) array, optional
-        Those that the other rows have; missing values if it lacks one.
+        Attributes of the other rows. A missing attribute has missing values.
     """
 
     step: Ints
@@ -163,15 +163,15 @@ class Edit:
     Parameters
     ----------
     pieces : mapping of int to sequence of TrackPiece
-        Of each track that changes what becomes of its rows; those in no piece are dropped.
+        Pieces of each track that changes. Rows outside all pieces are dropped.
     fresh : tuple of str
-        Ids of tracks that there were not; they are numbered after the others.
+        Ids of new tracks, which are numbered after the existing tracks.
     added : AddedRows, optional
         Rows to add.
     shift : int
-        Steps by which every row is moved.
+        Number of steps by which every row is moved.
     offset : (d,) float array, optional
-        What is taken from every state.
+        Offset that is subtracted from every state.
     """
 
     pieces: Mapping[int, tuple[TrackPiece, ...]] = field(default_factory=dict)
@@ -186,7 +186,7 @@ class Edit:
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """Return tracks of the rows after the edit, -1 for dropped rows."""
+        """Return the tracks of rows after the edit, -1 for dropped rows."""
         after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
@@ -198,7 +198,7 @@ class Edit:
 
 
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return runs after an edit: old number, new estimate, begin and end of each."""
+    """Return assigned stretches after an edit: old number, new estimate, begin and end of each."""
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
@@ -219,7 +219,7 @@ def as_read(estimate: Trajectories) -> Trajectories:
 
 
 def is_same(first: Trajectories, second: Trajectories) -> bool:
-    """Check that two sides on the same grid agree in all that changes a number."""
+    """Check that two sides on the same grid agree in all data that affect the metric."""
 
     def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
         around = [] if side.covariance is None else [side.covariance]
@@ -233,7 +233,7 @@ def is_same(first: Trajectories, second: Trajectories) -> bool:
 
 
 def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
-    """Return the estimate after an edit: rows of the grid, and the stamps at which it has some."""
+    """Return the estimate after an edit, with the timestamps of the grid at which it has rows."""
     track = edit.tracks(estimate.track, estimate.step)
     kept = np.flatnonzero(track >= 0)
     track, step = track[kept], estimate.step[kept].astype(np.int64)
@@ -256,7 +256,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past puts new stamps before the others, which keep their numbers.
+    # A shift to the past adds timestamps before the others, so that step numbers stay.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -276,7 +276,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """Return stamps for a shift and their texts: they continue by the median step."""
+    """Return timestamps extended for a shift by the median time step, and their texts."""
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
@@ -291,12 +291,12 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
-    """Split a track at a step; the rest becomes a track of its own, with a new name."""
+    """Return the edit that splits a track at a step; the rest becomes a track with a new name."""
     return Edit(pieces={track: ((0, step - 1, track), (step, steps - 1, tracks))}, fresh=(name,))
 
 
 def exchange(first: int, second: int, step: int, steps: int) -> Edit:
-    """Exchange the tracks of two names from a step on."""
+    """Return the edit that exchanges two tracks from a step on."""
     return Edit(
         pieces={
             a: ((0, step - 1, a), (step, steps - 1, b))
@@ -306,7 +306,7 @@ def exchange(first: int, second: int, step: int, steps: int) -> Edit:
 
 
 HALVES = 2
-"""Halves of a switch from one estimate to another."""
+"""Number of half switches in a switch from one estimate to another."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -316,15 +316,15 @@ class Candidate:
     Parameters
     ----------
     kind : str
-        One of `results.explanation.KINDS`.
+        Kind of the repair, one of `results.explanation.KINDS`.
     saving : float
-        What it would save at the assignment at hand, in units of c^p.
+        Estimated saving for the current assignment, in units of c^p.
     edit : Edit
-        What it does.
+        Edit of the estimate.
     tracks : tuple of int
-        The estimates that it changes; none where it changes all.
+        Numbers of the changed estimates; empty if all change.
     begin, end : int, optional
-        The steps that it is about.
+        First and last step of the repair.
     """
 
     kind: str
@@ -338,13 +338,13 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """Return a candidate about a track between the first and the last of some steps."""
+    """Return a candidate for a track between the first and the last of these steps."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
 
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
-    """Exchange or merge of the two estimates at each change of a truth between them."""
+    """Yield the exchange or merge of two estimates at each switch of a true object between them."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
@@ -377,7 +377,7 @@ def exchanged(assigned: Assigned) -> Iterator[Candidate]:
 
 
 def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
-    """Return two tracks as one, if they are never at the same step."""
+    """Return the merge of two tracks; None if they have a step in common."""
     step = assigned.estimate.side.step
     first, second = (step[assigned.estimate.rows(track)] for track in (a, b))
     if np.isin(first, second).any():
@@ -388,14 +388,14 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
-    """Return the first step from this one on at which one of two tracks exists."""
+    """Return the first step, not before `step`, at which one of two tracks exists."""
     steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
     later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
 
 
 def _in_time(assigned: Assigned, a: int, b: int, step: int) -> tuple[int, int]:
-    """Order two tracks: first the one that ends before the step, if one does."""
+    """Return two tracks in order: first the track that ends before the step, if one does."""
     last = int(assigned.estimate.side.step[assigned.estimate.rows(b)][-1])
     return (b, a) if last < step else (a, b)
 
@@ -405,7 +405,7 @@ def _changes(estimates: list[int]) -> int:
 
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
-    """Return how many changes of a truth an exchange from a step on would save."""
+    """Return the number of changes of a true object that an exchange from a step on saves."""
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
     if not before or after == len(stretches):
@@ -416,7 +416,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Yield the split of the estimate at each of its changes of the truth; `names` are all ids."""
+    """Yield the split of an estimate at each change of its true object; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -442,7 +442,7 @@ def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
 
 
 def _other_name(name: str, names: set[str]) -> str:
-    """Return an unused name like this one."""
+    """Return this name with an unused number."""
     number = 2
     while f"{name}_{number}" in names:
         number += 1
@@ -450,11 +450,11 @@ def _other_name(name: str, names: set[str]) -> str:
 
 
 def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
-    """Yield tracks to drop, and their ends to cut off, where nothing is."""
+    """Yield tracks to drop, and unassigned ends of tracks to cut off."""
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # A state that follows a truth saves the cost of a missed truth, less the cost of the pair.
+    # A state that follows a true object saves the cost of a miss, less the cost of the pair.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -486,39 +486,39 @@ def _without_rows(assigned: Assigned, track: int, rows: Ints) -> Candidate:
 
 
 # -------------------------------------------------------------------------------------------------
-# Repairs that make or move states: gaps filled, tracks extended, the whole estimate moved.
+# Repairs that add or move states: gaps filled, tracks extended, the whole estimate moved.
 #
-# What they would save at the assignment at hand is measured by the base distance, of Gaussians and
-# clouds by one of their means that is no larger.
+# Savings for the current assignment are measured by the base distance. For Gaussians and clouds a
+# distance between means is used that is not larger.
 
 LONGEST_EXTENSION = 50
-"""Steps by which a track is extended at most."""
+"""Largest number of steps of an extension."""
 
 BEHIND = 5
-"""States from which the velocity of an extension is taken, or as many as there are."""
+"""Largest number of states for the velocity of an extension."""
 
 SHIFTS = (1, 2, 3, 4, 5)
 SAMPLED_PAIRS = 4000
-"""Assigned pairs that are looked at for a shift."""
+"""Approximate largest number of assigned pairs that are used to estimate a shift."""
 
 
 class StatePlaces:
-    """Places of all states, for estimating the savings of repairs.
+    """Places of all states, for estimates of the savings of repairs.
 
     Attributes
     ----------
     truth, estimate : Trajectories
-        On the grid.
+        Both sides on the grid.
     timestamps : (T,) float array
-        Its stamps, as numbers.
+        Timestamps of the grid, as numbers.
     distance : Distance
-        One that compares states without covariances.
+        Distance between states without covariances.
     parameters : Parameters
-        The cutoff, and the order.
+        Cutoff and order.
     period : (d,) float array
-        Of each column, infinite where it is not periodic.
+        Period of each column, infinite if it is not periodic.
     existence : (R,) float array, optional
-        Probability of each estimate row, where these count.
+        Existence probability of each estimate row, where these probabilities count.
     """
 
     def __init__(self, sides: AlignedPair, parameters: Parameters, *, probabilistic: bool) -> None:
@@ -530,7 +530,7 @@ class StatePlaces:
         self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
-        """Return ``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
+        """Return ``(d / c)^p`` of states and truth rows (N,), infinite for negative rows."""
         there = row >= 0
         distance = self.distance(state[there], self.truth.state[row[there]])
         costs = np.full(len(row), np.inf)
@@ -538,14 +538,14 @@ class StatePlaces:
         return costs
 
     def difference(self, first: Floats, second: Floats) -> Floats:
-        """Return the difference of states, the shorter way round where a column is periodic."""
+        """Return the difference of states, by the shorter way for periodic columns."""
         delta = second - first
         turns = np.rint(delta / self.period)
         return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
 
 
 def filled(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Yield gaps of tracks, filled on straight lines between their ends."""
+    """Yield the filling of each gap of a track on a straight line between its ends."""
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
     size = side.step[right].astype(np.int64) - side.step[left] - 1
@@ -578,9 +578,10 @@ def _with_rows(
     ends: tuple[Ints, Ints],
     share: Floats,
 ) -> Candidate:
-    """Return new rows of a track; values beside states are interpolated between two rows (N,).
+    """Return the candidate that adds rows to a track.
 
-    `share` (N, 1) is how far from the first to the second.
+    Values other than states are interpolated between the rows `ends` (N,): `share` (N, 1) is 0 at
+    the first row and 1 at the second.
     """
     order = np.argsort(step)
     first, second = ends
@@ -606,7 +607,7 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """Return estimated savings (N,) of new states, each to follow a truth at a step."""
+    """Return estimated savings (N,) of new states; `wanted` has their true objects and steps."""
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
     price_of_row = assigned.problem.truth_price
@@ -616,7 +617,7 @@ def _added_saves(
 
 
 def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Yield tracks that go on at either end, at constant velocity, while the truth is missed."""
+    """Yield extensions of tracks at either end, at constant velocity, over missed targets."""
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
     first, last = tracks.first[there], tracks.first[there + 1] - 1
@@ -652,7 +653,7 @@ def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Ca
 
 
 def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """Yield the estimate shifted by some steps: the shift that would save most."""
+    """Yield the shift of the whole estimate, one of `SHIFTS`, with the largest estimated saving."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     row = row[:: -(-len(row) // SAMPLED_PAIRS) or 1]
@@ -670,7 +671,7 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """Yield the estimate without its median difference to the truth that it follows."""
+    """Yield the estimate without its median difference to the true objects that it follows."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):

@@ -33,7 +33,7 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The true objects or the estimates of a problem: their fields of `Problem`."""
+    """One side of a problem: fields of `Problem` without the prefix ``truth_`` or ``estimate_``."""
 
     count: int
     step: Ints
@@ -52,8 +52,8 @@ class Objects:
 class Problem:
     """The numbers A, B, D and lambda, in units of c^p; solvers do not know which metric they make.
 
-    Objects are numbered by their row in two flat tables, one row per existing object and step,
-    sorted by (step, track). An entry is a pair of rows of one step with a gain if it is assigned.
+    Each side is a flat table with one row per state, an existing object at a step, sorted by
+    (step, track). An entry is a pair of rows of one step with a gain if it is assigned.
     Assigning any other pair changes no cost.
 
     Parameters
@@ -73,17 +73,17 @@ class Problem:
     cost_error : float
         Largest relative error of the costs and switch prices; bounds are widened by it.
     cost_slack : float
-        Largest amount by which the costs of all pairs of an assignment are too large together.
+        Upper bound of the amount by which the sum of the costs of an assignment is too large.
     rounding : float
-        An optimum below this may come from the last places of the states alone.
+        An optimum below this may be caused by rounding in the last digits of the states alone.
     distance_power : (N,) float array, optional
         (d / c)^p of each entry, if the cost is not A + B times this: see `weight_existence` and
         `ignore_states`.
     unjudged : pair of (R,) bool arrays, optional
         Ignored objects and excused estimates, which cost nothing: see `ignore_states`.
     pair_share : (N,) float array, optional
-        Factor of (d / c)^p in the cost, if it is neither A + B nor 2 min(A, B); 0 for an ignored
-        object.
+        Factor of (d / c)^p in the cost of each entry, from `ignore_states`; 0 for an ignored
+        object. By default A + B, or 2 min(A, B) with probabilities of existence.
     at_cutoff : int
         Number of pairs with an ignored object for which rounding decides whether they gain.
     signed : bool

@@ -77,9 +77,10 @@ class Evaluation(ABC):
     evaluated_on : Coverage
         Steps and true objects that were evaluated.
     sizes : dict of str to int
-        Numbers of trajectories, steps, near pairs, their steps, and components.
+        Numbers of trajectories, steps, pairs of trajectories that are ever near, pairs of states
+        that are near, and components.
     objects : pair of int
-        States of the truth and of the estimate.
+        Numbers of states of the truth and of the estimate.
     version : str
         Version of the package.
     split : mapping of str to float, optional
@@ -99,14 +100,14 @@ class Evaluation(ABC):
     slicings : tuple of Slicing
         Costs and counts split by attributes, if requested.
     sums : dict
-        Sums of other metrics from which those of several recordings are joined, by metric and name
-        with a dot between; lists over the thresholds of HOTA.
+        Sums from which other metrics of several recordings together are computed. Keys are
+        ``metric.name``; values of HOTA are lists with a number for each threshold.
     unjudged : Unjudged, optional
         States that were ignored, excused and absorbed, if there are any.
     nees : NeesSums, optional
         Consistency of the covariances with the errors, if the estimate has covariances.
     calibration : Calibration, optional
-        Calibration of `similarity`, if every output shows the similarity.
+        Calibration of `similarity`, if every output shows the score (``--similarity``).
     settings_file : SettingsFile, optional
         Configuration file that set some options.
     tracked_shares : TrackedShares
@@ -372,8 +373,9 @@ class Evaluation(ABC):
     def _curve(self) -> records.Columns:
         """Return the normalised curve (docs/theory/solvers.md): no columns if it was not requested.
 
-        At each step the metric of the steps up to it with its bounds, and the parts of its cost:
-        (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
+        The row of step k is about the steps 1 to k. The metric and its bounds are
+        (cost / steps) ** (1 / order), the parts are cost / steps, where `steps` is the number of
+        steps of the horizon up to k.
         """
         bounds = self.curve_bounds
         if bounds is None:

@@ -91,7 +91,7 @@ def test_times_of_several_kinds_have_no_curve() -> None:
         found, notes = rms_curves(rows("aab"), steps, ["tracker"])
         assert {curve.name for curve in found} == {"b"}
         (note,) = notes
-        assert note.startswith("curves of a: there are none: mixed kinds of time: ")
+        assert note.startswith("curves of a: not available: mixed kinds of time: ")
 
 
 def test_runs_without_steps() -> None:
@@ -102,7 +102,7 @@ def test_runs_without_steps() -> None:
     found, notes = rms_curves(table, steps, [])
     assert (found[0].runs, found[0].rms["total"]) == ([2], pytest.approx([2**0.5]))
     (note,) = notes
-    assert "all jobs: of 1 of 3 runs no steps are stored, and these do not count" in note
+    assert "all jobs: 1 of 3 runs have no stored steps, and do not count" in note
     steps = stored({"1": 4}, {"1": 4}, traced=True)
     steps.loc[1, list(CURVE_COLUMNS)] = np.nan
     found, notes = rms_curves(rows("aa"), steps, [])
@@ -123,7 +123,7 @@ def test_runs_with_stamps_of_their_own_are_told() -> None:
     assert "resample" in note
     assert told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [4, 5]) == []
     (note,) = told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [9])
-    assert "at the last time 1 of 4 runs go on: others count with cost 0" in note
+    assert "at the last time only 1 of 4 runs have not ended: the others count with cost 0" in note
     (note,) = told([0, 1], [5, 6])
     assert "t is the time since the start of each run" in note
 

@@ -184,7 +184,10 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(files, "announce", told.append)
     with locked(tmp_path, (1, 1)):
         pass
-    said = f'output="{tmp_path}": no locks there; let nothing else work on it meanwhile'
+    said = (
+        f'output="{tmp_path}": the file system has no locks; '
+        "let no other process use this folder meanwhile"
+    )
     assert told == [said]
 
 

@@ -1,1 +1,1 @@
-"""Gate: verdicts on rows by a baseline, with rules, suites, groups of seeds and reports."""
+"""The gate: rows judged by a baseline, with rules, suites, groups of seeds and reports."""

@@ -1,4 +1,4 @@
-"""Baselines: values, options and coverage of each pair, as JSON that suits git."""
+"""Baselines: values, options and data of each pair, as JSON made for git."""
 
 import glob
 import json
@@ -32,32 +32,32 @@ from tgospa_eval.tracks.coverage import (
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """Result of one evaluation, new or stored.
+    """One evaluation, from this run or from a stored result.
 
     Parameters
     ----------
     values : mapping of str to Value
         Values that rules can name.
     classes : mapping of str to mapping
-        Values of each class, if classes are evaluated separately.
+        Values of each class, if the classes are evaluated separately.
     bounds : pair of float
-        Lower and upper bound of the metric, in state units.
+        Bounds of the metric, in state units.
     parameters : mapping
         Parameters, as in the JSON of a result.
     evaluated_on : mapping
-        Coverage of the truth and the steps, as in the JSON of a result.
+        Data that were evaluated, as in the JSON of a result.
     estimate : str
         Digest of the estimate.
     version : str
         Version of the program.
     status : str
-        Status message of the solver.
+        Message of the solver at its end.
     certified : bool
         Whether the requested gap was met.
     nees : NeesSums, optional
-        Sums for NEES, if there are any.
+        Sums from which NEES is computed, if there are any.
     silent : bool
-        Whether the evaluation has no state of the estimate.
+        Whether the estimate has no state that takes part.
     """
 
     values: Mapping[str, Value]
@@ -85,7 +85,7 @@ class Measured:
 
     @property
     def remedy(self) -> str:
-        """Advice that narrows the bracket, by the status of the solver."""
+        """Option that narrows the bracket, depending on how the solver ended."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
             return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
@@ -112,7 +112,7 @@ class Measured:
 
 
 ROUNDING_GAP = 1e-9
-"""Relative gap of the solver certified that is about as small as rounding errors."""
+"""Relative gap of the solver `certified` at about the level of rounding errors."""
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
@@ -121,7 +121,7 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     Parameters
     ----------
     numbers : mapping of str to float
-        Values by path, and the bounds `total_lower` and `lower_bound`.
+        Numbers by path, with the bounds `total_lower` and `lower_bound`.
     scale : float
         c^p.
     """
@@ -148,7 +148,7 @@ def measured(row: Row) -> Measured:
     Raises
     ------
     ConfigError
-        The estimates themselves mark states that are ignored.
+        The option `ignore` names marks of estimates.
     """
     nees, parameters = NeesSums.of_row(row), json.loads(row["parameters"])
     scale = row["cutoff"] ** row["order"]
@@ -175,7 +175,7 @@ def nees_values(nees: NeesSums | None) -> dict[str, Value]:
 
 
 def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
-    """Return the values of the summary by path, without those that are not defined."""
+    """Return the defined values of the summary, by path."""
     known = {path: value for path, value in numbers.items() if names_summary(path)}
     return {
         p: Value.of(value) for p, value in known.items() if value is not None and value == value
@@ -192,15 +192,13 @@ MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
 
 Baseline: TypeAlias = dict[str, Json]
-"""Entries of pairs by name, as in the JSON file.
-
-`values` has `upper_bound` and values that follow from it, the split and `lower_bound`; those of
-classes are under `by_class`. `options` are those that were given, `parameters` all that change the
-number. Other fields are `judged`, `version` (of the program) and `labels`. `nights` has the values
-of earlier nights, the newest first."""
+"""Entry of each pair, by its name, as in the JSON. An entry has `values` (`upper_bound` with the
+values that follow from it, the split, `lower_bound`, and the values of classes under `by_class`),
+the `options` that were given, the `parameters` that change the number, `judged`, the `version` of
+the program, and `labels`. The values of earlier nights are in `nights`, the newest first."""
 
 MAX_NIGHTS = 10
-"""Largest number of nights of an entry."""
+"""Largest number of nights that an entry keeps."""
 
 
 def make_entry(
@@ -238,9 +236,9 @@ def make_entry(
 
 
 def with_nights(entry: Json, before: Json | None) -> Json:
-    """Add the values of earlier nights to an entry, unless their data or parameters differ.
+    """Add the values of earlier nights to an entry, unless they belong to other data.
 
-    The same estimate is not added again, since it would only reduce the spread.
+    The same estimate again is not a further night, because it would add a spread of zero.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -257,7 +255,7 @@ def nights_of(entry: Json) -> list[Json]:
 
 
 def typical(entry: Json) -> Json:
-    """Return the values of an entry: means over its nights, of powers where values are roots."""
+    """Return the means of an entry over its nights; roots are averaged as powers."""
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
         values: Json = entry["values"]
@@ -285,13 +283,13 @@ def typical(entry: Json) -> Json:
 
 
 def number_in(values: Json, name: str | None, path: str) -> float:
-    """Return the value at a path, of all or of one class; a missing class costs nothing."""
+    """Return a value of all classes, or of one class; an absent class has a cost of 0."""
     own = values if name is None else values.get("by_class", {}).get(name, {})
     return float(value_at(own, path) or 0.0)
 
 
 def nested(values: Mapping[str, Any]) -> Json:
-    """Return values by path as nested tables, as in the JSON of a result."""
+    """Return values by path, as in the JSON of a result."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
@@ -308,7 +306,7 @@ def upper_ends(values: Mapping[str, Value]) -> Json:
 
 
 def value_at(values: Json, path: str) -> Any:
-    """Return the value at a path such as ``counts.missed``; None if it is missing."""
+    """Return the value at a path such as ``counts.missed``; None if the path does not exist."""
     if names_summary(path):
         return values.get(SUMMARY, {}).get(path.removeprefix(f"{SUMMARY}."))
     value: Any = values
@@ -319,7 +317,7 @@ def value_at(values: Json, path: str) -> Any:
 
 
 CHANGED = "not judged on the same"
-"""Beginning of messages about a changed truth."""
+"""Beginning of notes about ground truths that changed."""
 
 
 def differences(entry: Json, now: Measured) -> list[str]:
@@ -330,7 +328,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     old = entry["judged"]
     wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
-    # On these grids the steps do not depend on the estimate, so the truth itself has changed.
+    # On these grids the steps do not depend on the estimate, so the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
             old[name] == now.evaluated_on[name]
@@ -343,12 +341,12 @@ def differences(entry: Json, now: Measured) -> list[str]:
 
 
 def check_equal(entry: Json, now: Measured) -> None:
-    """Check that the intervals of a result and its entry overlap if their data are the same.
+    """Check that two intervals of the same comparable data overlap.
 
     Raises
     ------
     SolverError
-        The data are the same, and the intervals do not overlap.
+        The intervals do not overlap.
     """
     own, old = (
         [Interval(lower=low, upper=high)]
@@ -359,12 +357,12 @@ def check_equal(entry: Json, now: Measured) -> None:
 
 
 def dump(baseline: Baseline) -> str:
-    """Return the baseline as JSON: sorted keys, a line for each number, all digits of doubles."""
+    """Return the baseline as sorted JSON, with each number on its own line and as a full double."""
     return json_text({"schema": SCHEMA, "pairs": baseline})
 
 
 def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
-    """Read a baseline; None if there is no such file. `renewed` is that of `parse`.
+    """Read a baseline; None if the file does not exist. `parse` describes `renewed`.
 
     Raises
     ------
@@ -375,7 +373,7 @@ def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | 
 
 
 CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
-"""Merge conflict of git, with the lines of each side as a group."""
+"""Conflict of git where two branches changed the same lines, with the lines of each side."""
 
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
@@ -383,12 +381,13 @@ MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
     """Read a baseline from the text of a file; `path` begins the messages.
 
-    Entries in a merge conflict are allowed if an update renews all of them; `renewed` tests a name.
+    Entries that two branches changed are accepted if `renewed` returns True for their names,
+    because the update makes them again.
 
     Raises
     ------
     ConfigError
-        The text is not a baseline of this version, or has a merge conflict.
+        The text is not a baseline of this version, or it has a merge conflict.
     """
     name = f"{path}: is not a baseline"
     pairs: Baseline
@@ -424,7 +423,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """Return the description of these values, for checks of the file."""
+    """Return the description of the values at these paths."""
     return nested(dict.fromkeys(paths, COST))
 
 
@@ -449,7 +448,7 @@ BASELINE = {
         }
     }
 }
-"""Description of the fields of a baseline."""
+"""Description of the fields of a baseline, to check a document."""
 
 
 def _contradiction(entry: Json) -> str | None:
@@ -472,7 +471,7 @@ def _contradiction(entry: Json) -> str | None:
 
 
 def patterns_of(names: set[str], everything: set[str]) -> list[str]:
-    """Return patterns that match only these names: `slow/*` if all names in `slow` are meant."""
+    """Return patterns that match only these names: `slow/*` if all names of `slow/` are chosen."""
     all_of, chosen_of = (
         Counter(name.partition("/")[0] for name in some if "/" in name)
         for some in (everything, names)

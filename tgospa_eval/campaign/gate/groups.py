@@ -1,16 +1,22 @@
 """Groups of a gate: runs with different seeds, added up and judged together.
 
-A group whose value is above its limit fails in two cases. Either the scatter of its runs supports
-that the tracker is worse than the limit allows, or the total of one of its scenes or runs jumps: it
-is far above the usual spread of its seeds (`jumps`). A dead run fails its group even if the value
-is within the limit: the run misses more than half of the states beyond the most that a run of its
-scene ever missed.
+A group fails if its value is above the limit, and the seeds are an unlikely reason. This needs one
+of two results. Either the test by the scatter of its runs supports that the tracker is worse than
+the limit allows. Or a rule on a total finds a jump: one scene or run is far above the usual spread
+of its seeds (`jumps`). A jump of a group within its limit does not fail. With `strict`, a group
+above its limit always fails. Absolute limits, values of assigned pairs, and groups with one run per
+scene are judged by the sums without a test.
 
-The groups of a table are also judged together as one more group, which shows a small change of all
-groups. `confidence` is that of the whole test: a tracker that is as good as the limit fails in at
-most 1 - confidence of its gates, for any number of groups and rules. P values are adjusted for this
-(Holm 1979, with weights). Each rule of a table has the same share of the error. Of this share
-`OF_ALL` is for all groups together, and single groups share the rest equally.
+A dead run always fails, whatever the limit is. A dead run misses more states than halfway from the
+largest number that a run of its scene missed in the baseline to all states; a quarter of the way is
+enough if its number of misses is a jump.
+
+All groups of a table are also judged together, as one more group, which shows small changes that
+all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
+limit fails in at most 1 - confidence of its gates, for any number of groups and rules. To this end
+p values are adjusted (Holm 1979, with weights). Each rule of a table has the same share of the
+error. `OF_ALL` of this share is for all groups together. Single groups share the rest equally,
+because jumps also find large changes of a single group.
 """
 
 import math
@@ -52,22 +58,22 @@ OF_ALL = 0.8
 """Share of the error of a rule for the test of all groups together."""
 
 SHOWN = 5
-"""Largest number of names of runs in a sentence."""
+"""Largest number of runs that a sentence names."""
 
 MIN_STATES = 10
-"""With fewer ground-truth states, only a run that reports no state can be dead."""
+"""Fewest ground-truth states with which a run that reports some states can be dead."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
 Labels = Mapping[str, str]
 
 Part = tuple[str | None, str]
-"""A class, or None for all classes, and the path of a value."""
+"""A class (None for all classes), and the path of a value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneRuns:
-    """Runs of one scene, which differ only in their seed: new ones, and those of the baseline.
+    """Runs of one scene that differ only in their seed: new runs and runs of the baseline.
 
     Parameters
     ----------
@@ -76,11 +82,11 @@ class SceneRuns:
     names : sequence of str
         Names of the new runs.
     now : sequence of Measured
-        Values of the new runs, in the order of `names`.
+        New runs, in the order of their names.
     old : sequence of dict
-        Entries of the baseline; in the same order if `paired`.
+        Entries of the baseline, in the same order.
     paired : bool
-        Whether both sides have runs of the same names.
+        Whether the new runs and the entries have the same names.
     """
 
     name: str
@@ -90,7 +96,7 @@ class SceneRuns:
     paired: bool
 
     def missed(self) -> Rises:
-        """Return how far the missed shares of its runs are above those of the baseline."""
+        """Return the rises of the missed shares of the new runs above the baseline."""
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
@@ -101,10 +107,10 @@ class SceneRuns:
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
     def dead(self, p_values: Floats) -> list[rules.Finding]:
-        """Return a finding for each dead run, given p values that its missed share is a jump.
+        """Return a finding for each dead run; `p_values` are those of jumps of the missed shares.
 
-        A dead run misses more than half of the states beyond the most that a run of the scene ever
-        missed; if its missed share is a jump, more than a quarter of them.
+        The limit is halfway from the most misses of a run of the baseline to all states, or a
+        quarter of the way if the misses are a jump.
         """
         findings = []
         ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
@@ -131,7 +137,7 @@ class Group:
     Parameters
     ----------
     name : str
-        The pattern with the labels filled in.
+        The pattern with the labels of the group.
     scenes : tuple of SceneRuns
         Scenes with runs on both sides.
     faults : tuple of str
@@ -167,13 +173,13 @@ def judge_groups(
     tables : iterable of GroupTable
         Groups and rules.
     now, old : mapping
-        New results and entries of the baseline, by name of the pair.
-    failed : iterable of str
-        Pairs that could not be evaluated: their groups cannot be judged.
+        New results and the entries of the baseline, by name of the pair.
     labels : mapping of str to mapping
         Labels of the pairs of both sides, by name.
+    failed : iterable of str
+        Pairs that could not be evaluated, so that their groups cannot be judged.
     strict : bool
-        Whether a group above its limit fails even if its seeds may be the reason.
+        Whether a group above its limit fails whatever its seeds support.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -213,7 +219,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # Tests that Holm's method does not reject share the rest of the error.
+    # The hypotheses that Holm's method does not reject share the error.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -250,9 +256,9 @@ def judge_groups(
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Describe the runs or the scene that jump, by the id of their sum.
+    """Return a sentence about the jump of each sum that has one, by the id of the sum.
 
-    Only totals can jump: small counts, as of switches, do not scatter like totals.
+    Only values with a proven bracket have jumps, because counts of few switches have no scale.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
@@ -269,18 +275,19 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
                 id(one), f"{which}total is far above the usual spread of its seeds (a jump)"
             )
         elif runs:
-            notes[id(one)] = (
+            notes.setdefault(
+                id(one),
                 f"{listed(runs, SHOWN)}: total is far above the usual spread of the runs of "
-                f"{scene.name} (a jump)"
+                f"{scene.name} (a jump)",
             )
     return notes
 
 
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
-    """Return notes about groups that have too few runs to fail by the test of their seeds.
+    """Return notes about groups with too few runs to fail in the test of their seeds.
 
-    `labels` are the labels of the pairs by name. `nights` is the smallest number of nights of a
-    pair in the baseline.
+    `labels` has the labels of the pairs by name. `nights` is the smallest number of nights of an
+    entry of the baseline.
     """
     notes = []
     columns = sum(len(table.rules) for table in tables)
@@ -298,15 +305,15 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
         few = sorted((name for name in runs if runs[name] < needed), key=natural)
         if few and len(scenes) < sum(runs.values()):
             notes.append(
-                f"group {listed(few, SHOWN)}: with {min(runs[name] for name in few)} runs the test "
-                f"can never show that this group alone is worse: {needed} runs are needed, {more}. "
-                "Jumps (totals far above the usual spread of seeds) and dead runs still fail"
+                f"group {listed(few, SHOWN)}: {min(runs[name] for name in few)} runs: their seeds "
+                f"can never support that one group alone is worse: {needed} are needed, {more}; "
+                "dead runs and jumps above the limit still fail"
             )
     return notes
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """Return all groups of a table as one, if there are several and all can be judged."""
+    """Return the groups of a table as one group, if there are several and all can be judged."""
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -320,7 +327,7 @@ def _groups(
     labels: Mapping[str, Labels],
     failed: Sequence[str],
 ) -> list[Group]:
-    """Return the groups of the pairs that have the labels of the pattern, in order of names."""
+    """Return the groups, sorted by name, of the pairs that have the labels of the pattern."""
     runs_by_group: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
     for side, names in enumerate((now, old)):
         for name in sorted(names, key=natural):
@@ -349,7 +356,7 @@ def _group(
     old: Baseline,
     lost: Iterable[str],
 ) -> Group:
-    """Return one group, from the names of new runs and of runs of the baseline by scene."""
+    """Return one group; each scene has the names of its new runs and of its baseline runs."""
     scenes, notes = [], []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
@@ -396,16 +403,16 @@ def _group(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stratum:
-    """Values of the runs of one scene that may be exchanged.
+    """Runs that a test can exchange: those of one scene, or the nights of one run.
 
     Parameters
     ----------
     allowed : array, shape (n,)
-        For each run of the baseline, the largest value that keeps the limit.
+        Largest value that keeps the limit, for each run of the baseline.
     now : array, shape (m,)
-        Values of the new runs.
+        Values of the new runs, in the order of `allowed` if `paired`.
     paired : bool
-        Whether both sides have the same seeds in the same order.
+        Whether the runs have the same seeds, in this order.
     weight : float
         Weight in a sum with other strata.
     """
@@ -417,18 +424,18 @@ class Stratum:
 
     @property
     def all(self) -> Floats:
-        """Values of both sides."""
+        """Values of both sides, the new ones first."""
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """Return the stratum with values as shares of the weighted mean of all runs."""
+        """Return the stratum as shares of the mean of all its values, times the weight."""
         factor = self.weight / (abs(float(self.all.mean())) or 1.0)
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of the relative values, and its degrees of freedom.
+        """Return the sum of squares of shares of single values, and its degrees of freedom.
 
-        Exchanges do not change either: under the hypothesis both sides have the same mean.
+        Exchanges do not change them, because both sides have the same mean under the hypothesis.
         """
         one = replace(self, weight=1.0).relative()
         if self.paired:
@@ -437,10 +444,10 @@ class Stratum:
 
     @property
     def variance(self) -> float:
-        """Estimated variance of the excess."""
+        """Estimated variance of the sum of the excess over the limit."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        # The variance is pooled, as a side may have a single run.
+        # The variance is pooled over both sides, as one side may have a single run.
         squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
         count = len(self.now)
         return squares / self.freedom * count * (1 + count / len(self.allowed))
@@ -453,20 +460,20 @@ class Stratum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Summed:
-    """A value of a group: the finding for its sum over all runs, and the limit of each run.
+    """A value of a group: the finding by the sums over its runs, and the limit of each run.
 
     Parameters
     ----------
     finding : Finding
-        Finding for the sum, as for a pair.
+        Finding by the sums, as for a pair.
     group : Group
-        The group with its runs.
+        The runs.
     part : pair of str
-        Class, or None, and the path of the value that is summed over the runs.
+        The class, if any, and the value of a run that is summed.
     base, limit : float
         Sum of the baseline, scaled to the number of new runs, and the largest allowed sum.
     of_sum : callable
-        Callable that receives a sum and returns the value of the rule, such as its root.
+        Callable that receives a sum and returns the value of the rule: the sum or its root.
     """
 
     finding: rules.Finding
@@ -478,14 +485,14 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if a test is made: a scene has several runs, and the rule is about a change."""
+        """True if the value is tested: a scene has several seeds, and the rule limits a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
-        """Return for each scene the new values, and the limits from each night of each old run."""
+        """Return for each scene the new values, and the limits by night of each baseline run."""
         if self.finding.rule.relative and self.base > 0:
             factor, more = self.limit / self.base, 0.0
         else:
@@ -502,7 +509,7 @@ class Summed:
         ]
 
     def strata(self) -> list[Stratum]:
-        """Return the weighted strata for the test that the tracker is worse."""
+        """Return the strata for the test that the values are above their limits."""
         return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
 
     def inferred(
@@ -514,11 +521,11 @@ class Summed:
         *,
         strict: bool,
     ) -> rules.Finding:
-        """Infer whether the tracker changed, from runs with different seeds.
+        """Return the finding with an inference about the tracker, from runs with several seeds.
 
         `share` is the share of the error for this test, after Holm's method. `p_values` are those
-        that the tracker is worse, and better, adjusted for all tests. `strict` is that of
-        `judge_groups`.
+        of the tests that the tracker is worse and better, adjusted for all tests. `jump` is the
+        sentence about a jump, or blank. `judge_groups` describes `strict`.
         """
         runs, level = self.group.runs, 1 - (1 - confidence) * share
         worse, better = p_values
@@ -542,12 +549,12 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # Such a change of all runs would be detected, so only few runs changed.
+                # A change of all runs would be detected, so only few runs changed.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
     def better(self) -> list[Stratum]:
-        """Return the strata for the test that the tracker is better, by more than the slack."""
+        """Return the strata for the test that the values are below the baseline less the slack."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
         scenes = []
         for scene in self.group.scenes:
@@ -558,7 +565,7 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
-    """Return one stratum for a scene, or one for each of its runs with several nights."""
+    """Return the strata of one scene: one, or one for each run if paired runs have nights."""
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)
@@ -569,7 +576,7 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
 
 
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
-    """Return the strata of all scenes, weighted by the inverse variance of relative values."""
+    """Return the strata of all scenes, weighted by the inverse of the variance of their shares."""
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
     median = float(np.median(squares / freedom)) if len(scenes) else 0.0
@@ -586,7 +593,7 @@ def _missed(night: Json) -> float:
 
 
 def _now(one: Measured, part: Part) -> rules.Value:
-    """Return a value of a new run; a class that the run does not have costs nothing."""
+    """Return a value of a new run; a class that the run does not have costs 0."""
     name, path = part
     values = one.values if name is None else one.classes.get(name)
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
@@ -598,7 +605,7 @@ def _old(entry: Json, part: Part) -> Floats:
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
-    """Sum a value over all runs; None if it is missing, or the group cannot be compared."""
+    """Sum a value over all runs; None if no run has the value or the group is not comparable."""
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
     for scene in group.scenes:
@@ -652,7 +659,7 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
 
 
 def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
-    """Sum the baseline, each scene scaled to its number of new runs."""
+    """Sum the baseline, with each scene scaled to its number of new runs."""
     return math.fsum(
         math.fsum(map(number, scene.old)) * (len(scene.now) / len(scene.old))
         for scene in group.scenes
@@ -660,28 +667,28 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# Tests with runs of different seeds: has a sum grown beyond its limit?
+# Tests, by runs with several seeds, that a sum has grown beyond a limit.
 #
-# Runs are stratified: a stratum is one scene, and its runs differ only in their seed. The
-# hypothesis is that the tracker is exactly as good as the limit. Then old and new values of a seed
-# can be exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). If the
-# baseline has different seeds, all runs of a stratum can be exchanged (Pitman 1937). The statistic
-# is the excess above the limit, as a share of the mean of the stratum, summed over all strata.
-# Shares are used because noise grows with the cost of a scene: the costliest scene must not hide
-# the other scenes. Scenes are weighted by the inverse of the variance of these shares, moderated as
-# for jumps. Exchanges change neither means nor weights.
+# Runs are stratified: a stratum is one scene, whose runs differ only in their seed. The hypothesis
+# is that the tracker is exactly as good as the limit. Then the old and the new value of a seed can
+# be exchanged, which flips the sign of their difference (Fisher 1935, section 21). If the seeds
+# differ from those of the baseline, all runs of a stratum can be exchanged (Pitman 1937). The
+# statistic is the sum of the excess over the limit in all strata, as a share of the mean of each
+# stratum. Shares are used because noise grows with the cost of a scene, and the costliest scene
+# must not hide the other scenes. Scenes are weighted by the inverse of the variance of these
+# shares, moderated as for jumps. Exchanges do not change means or weights.
 
 POWER = 0.8
 """Probability with which the noticeable change is detected."""
 
 
 def p_value(strata: Sequence[Stratum]) -> float:
-    """Return the one-sided p value that the sum is above its limit; exact for few exchanges.
+    """Return the one-sided p value of a sum above its limit, exact if exchanges are few enough.
 
     Parameters
     ----------
     strata : sequence of Stratum
-        All strata of the sum, at least one.
+        One or more strata, tested together.
     """
     strata = [one.relative() for one in strata]
     both = [(one.now - one.allowed, 0) if one.paired else (one.all, len(one.now)) for one in strata]
@@ -691,7 +698,7 @@ def p_value(strata: Sequence[Stratum]) -> float:
 
 
 def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
-    """Return the smallest number of runs with enough exchanges for a test at this confidence."""
+    """Return the smallest number of runs with enough exchanges to support a change."""
     wanted = 1 / (1 - confidence) - 1e-9
     runs = 1
     while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < wanted:
@@ -700,11 +707,11 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Return the approximate share by which all runs must exceed the limit to be detected.
+    """Return the approximate rise of all runs above the limit that the test would detect.
 
-    This is with probability `POWER`, by Student's t with the scatter of these runs. If there are
-    exactly `needed` runs, each of them must exceed the limit. The share is infinite for fewer runs,
-    or without degrees of freedom.
+    The rise is a share of the limit. It is detected with probability `POWER`, by Student's t with
+    the scatter of these runs. With exactly the `needed` number of runs, each run has to be above
+    the limit. The rise is infinite with fewer runs, without degrees of freedom or with limits of 0.
     """
     strata = [one.relative() for one in strata]
     freedom = sum(one.freedom for one in strata if one.freedom > 0)

@@ -1,4 +1,4 @@
-"""Verdicts on the rows of pairs, by rules and a baseline; and updates of the baseline."""
+"""Judgement of rows by the rules of a gate, or an update of the baseline from these rows."""
 
 import json
 import os
@@ -43,24 +43,24 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.quoting import option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
-"""Parameters of rules, by their names in a suite."""
+"""Keys of rules in a suite, and the parameters of the same rules."""
 
 Evaluated = tuple[Row, Mapping[str, object]]
 """The row of a pair, and the options that made it."""
 
 Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
-"""Callable that receives jobs and a baseline, whose options are defaults, and yields rows."""
+"""Callable that evaluates jobs and yields rows in order; baseline options replace defaults."""
 
 
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """Return the groups of a suite, or the groups by ``--group``.
+    """Return the groups of a suite, or one made from the options of the command line.
 
     Raises
     ------
     ConfigError
-        An option of groups is wrong, or there are options of groups without groups.
+        An option needs groups, or a group is wrong.
     """
     if gate.group is None:
         for name, value in (("confidence", gate.confidence), ("seed_label", gate.seed_label)):
@@ -87,12 +87,12 @@ def tables_of(
 def rules_of(
     gate: GateOptions, pair: Job, *, baseline: bool = True, default: bool = True
 ) -> list[Rule]:
-    """Return the rules of a pair; `default`: whether the default rule applies where none is given.
+    """Return the rules of a pair; with `default`, the default rule applies if no rule is given.
 
     Raises
     ------
     ConfigError
-        A rule is wrong; or there is no baseline, and not all rules are absolute limits.
+        A rule is wrong, or a rule needs a baseline and there is no baseline.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
@@ -114,7 +114,7 @@ def rules_of(
 
 
 class OverInputError(ConfigError):
-    """Error: the JUnit report would overwrite an input."""
+    """The JUnit report would overwrite an input."""
 
 
 def check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -123,7 +123,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
     Raises
     ------
     OverInputError
-        The report is one of these files, the suite, the baseline or the configuration.
+        The report is one of these files, the suite, the baseline or the configuration file.
     """
     if not gate.junit:
         return
@@ -136,12 +136,12 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Check the options of an update of the baseline.
+    """Check that the options of an update fit together.
 
     Raises
     ------
     ConfigError
-        An option needs an update, or no file is named for the baseline.
+        An option needs an update, or the update has no file to write.
     """
     for name, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
@@ -154,12 +154,12 @@ def _check_options(gate: GateOptions, path: str) -> None:
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
-    """Yield the pairs; those whose estimates are older than a time, or a file, have a fault.
+    """Yield the pairs; pairs with estimates older than a time or a file have a fault.
 
     Raises
     ------
     ConfigError
-        `since` is neither a file nor a time.
+        The text is neither a file nor a time.
     """
     try:
         exists = os.path.exists(since)
@@ -190,10 +190,10 @@ def judge_pairs(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Return the outcomes of all groups and pairs, or of an update of the baseline."""
+    """Return a report on all groups and pairs, or on an update of the baseline."""
     _check_options(gate, path)
     groups = tables_of(gate, pairs, groups)
-    if gate.group is not None:  # such groups have the rules of the command line
+    if gate.group is not None:  # groups of the command line use these rules
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     single = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if single and old and ONLY_PAIR not in old:
@@ -211,7 +211,7 @@ def judge_pairs(
         for pair in pairs
         if not pair.fault
         for rules_of_pair in [rules_of(gate, pair, baseline=bool(path), default=not groups)]
-    }  # wrong rules are errors before any work
+    }  # all rules are parsed before any evaluation, so that wrong rules fail early
     if gate.update_baseline:
         return _updated(gate, pairs, groups, path, old, evaluated, source)
     outcomes = _judge_all(pairs, groups, path, old, rules, evaluated, source, strict=gate.strict)
@@ -228,17 +228,17 @@ def judge_pairs(
 
 
 def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
-    """Return the command that was typed, with options that accept the result."""
+    """Return the typed command with the options that accept the failed pairs."""
     command = without_option(gate.typed, "--against")
     at = command.index("--") if "--" in command else len(command)
-    # Shells do not find a program that is installed in the environment of pre-commit.
+    # pre-commit installs the program outside of the PATH of the user.
     from_hook = "PRE_COMMIT" in os.environ
     program = (sys.executable, "-m", "tgospa_eval") if from_hook else ("tgospa-eval",)
     return (*program, "gate", *command[:at], *accepted, *command[at:])
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """Return notes about groups that have too few seeds for the test."""
+    """Return notes about groups with too few seeds to show any change."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
@@ -254,7 +254,7 @@ def _judge_all(
     *,
     strict: bool,
 ) -> list[PairOutcome]:
-    """Judge all groups and pairs; pairs with wrong files do not stop the others."""
+    """Judge all groups and pairs; a wrong file does not stop the other pairs."""
     missing = f"no such file: {path}" if baseline is None else f"not in {path}"
     old = baseline or {}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
@@ -310,7 +310,7 @@ def _judge_all(
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Return the values of a row, or its error; and further fields of its outcome."""
+    """Return the values of a row or its error, and further fields for its outcome."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about
@@ -322,7 +322,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 
 
 MAX_PAGES = 200
-"""Largest number of pairs that all have a page; of more, only failing ones have."""
+"""Number of pairs up to which each pair has a page; with more pairs, passing pairs have no page."""
 
 IN_GROUP = "not in the baseline: judged only in its group"
 
@@ -336,7 +336,7 @@ def _updated(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Renew the entries of all or of the chosen pairs; an error leaves the baseline unchanged."""
+    """Renew the entries of all pairs or of the named pairs; after an error no entry is written."""
     chosen = [pair for pair in pairs if gate.chosen(pair.name)]
     faults = [
         pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault

@@ -1,14 +1,14 @@
-"""Jumps: scenes and runs far above the usual spread of their seeds, even with few seeds.
+"""Jumps: scenes and runs far above the usual spread of their seeds, found even with few seeds.
 
-The exchange test assumes nothing, and so supports little with few runs: the smallest p value of
-six runs is 1/64. A jump is recognised by its size, under an assumption. Costs are compared as
-logarithms, and missed shares as arcsines of their roots. These are assumed to scatter from night to
-night about like a normal distribution, alike in all runs of a scene and similarly in other scenes.
-The variance of a scene is that of its own runs, moderated by other scenes (Smyth 2004): their
-median variance counts as much as `PRIOR` values. The t quantile for the sum of both degrees of
-freedom allows for heavier tails, and for scenes that scatter more than others. If the baseline has
-several nights, a run can jump only if it is further off than any run of the baseline was from its
-own other nights. tests/support/nights.py measures the error with simulated trackers.
+The test by exchanges makes no assumption, so it supports little with few runs: the smallest
+p value of six runs is 1/64. A jump is recognised by its size, under these assumptions. The
+logarithms of costs, and the arcsines of the roots of missed shares, scatter equally from night to
+night in all runs of a scene. Their distribution is about normal. Their scatter is similar to that
+of other scenes. The variance of a scene is that of its own runs, moderated by the other scenes
+(Smyth 2004): the median of the other variances counts as much as `PRIOR` values. t quantiles with
+the sum of both degrees of freedom allow for heavy tails, and for scenes that scatter more. If the
+baseline has several nights, a run is a jump only if it rises further than any run of the baseline
+rose above its own other nights. tests/support/nights.py measures the error with simulated trackers.
 """
 
 import math
@@ -24,25 +24,25 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.consistency import chi_square
 
 FALSE_ALARMS = 0.0015
-"""Share of gates with a false jump, under the assumption. Simulated trackers whose scenes scatter
-from 0.12 to 0.34 do not jump more often."""
+"""Probability of a false jump in one gate, under the assumptions. The share of simulated trackers
+that jump is not larger; their scenes scatter from 0.12 to 0.34."""
 
 OF_SCENES = 0.75
-"""Share of `FALSE_ALARMS` for scenes. The rest is for runs: dead ones are found in another way."""
+"""Share of `FALSE_ALARMS` for scenes; the rest is for runs, as dead runs are found separately."""
 
 PRIOR = 10.0
-"""Degrees of freedom of the scatter of other scenes, at most."""
+"""Degrees of freedom of the scatter of other scenes in a moderated variance, at most."""
 
 MIN_SCATTER = 0.05
-"""Smallest scatter of logarithms, so that not every change of repeatable runs is a jump."""
+"""Smallest scatter of logarithms, so that a small change of a deterministic run is not a jump."""
 
 SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value, since a value may be zero."""
+"""Share of the mean of a scene that is added to each value, as some values are 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rises:
-    """Rises of the runs of a scene above their limits, on a scale on which all scatter alike.
+    """Rises of the runs of a scene above their limits, on a scale of even scatter.
 
     Parameters
     ----------
@@ -51,16 +51,15 @@ class Rises:
     size : array, shape (m,)
         Variance of each rise, in units of the variance of one value.
     of_mean : float
-        Variance of the mean of the rises, in the same unit.
+        Variance of the mean of the rises, in the same units.
     outside : bool array, shape (m,)
         Whether the run is above all runs of the baseline.
     squares, freedom : float
-        Sum of squares of the baseline, and its degrees of freedom.
+        Sum of squares of the baseline and its degrees of freedom.
     min_scatter : float
         Smallest scatter that is assumed for a single value.
     ever : float
-        The largest rise of a run of the baseline above its other nights, divided by the root of its
-        size.
+        Largest rise of a run of the baseline above its other nights, over the root of its size.
     """
 
     rises: Floats
@@ -74,9 +73,9 @@ class Rises:
 
     @classmethod
     def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Return the rises of costs above the limits from each night of each run of the baseline.
+        """Return the rises of costs above the limits of each night of each run of the baseline.
 
-        The result is None if all costs are zero.
+        None if all costs are 0.
         """
         everything = np.concatenate([now, *allowed])
         if not everything.any():
@@ -87,7 +86,7 @@ class Rises:
 
     @classmethod
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Return the rises of missed shares; `states` is the mean number of ground-truth states."""
+        """Return the rises of missed shares of a ground truth with about this many states."""
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
 
@@ -104,7 +103,7 @@ class Rises:
             means, size = np.full(len(now), means.mean()), np.full(len(now), 1 + 1 / len(means))
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
-        # A night is n / (n - 1) times as far from the mean of the other nights as from that of all.
+        # A night is n / (n - 1) times as far from the mean of the other nights as from the mean.
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -118,7 +117,7 @@ class Rises:
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of the values of both sides, and its degrees of freedom."""
+        """Return the sum of squares of single values of both sides, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
@@ -129,7 +128,7 @@ class Rises:
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """Return the p values of each scene and of each of its runs, adjusted for their numbers."""
+    """Return the p value of each scene and those of its runs, adjusted for their numbers."""
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # The median of a chi-square variable is below its mean.
@@ -166,7 +165,7 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """Return the one-sided p value by Student's t with the moderated variance; 1 without a rise."""
+    """Return the one-sided p value of Student's t with moderated variance; 1 below the limit."""
     from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, median) = scatter, beside

@@ -1,4 +1,4 @@
-"""Options of a gate: rules and files to write. Imports only light modules, for a fast help."""
+"""Options of a gate: rules and files to write. Light imports only, so that the help is fast."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
@@ -17,11 +17,11 @@ _gate = partial(setting, "Gate", stored=False)
 class GateOptions(Values):
     """Rules to judge by, settings of the evaluation, and files to write.
 
-    Options come, the strongest first, from flags, the environment, the suite, a configuration file,
-    the baseline, and defaults. `evaluation` has the options of the evaluation by field. `sources`
-    has the source of each parameter: ``commandline``, ``environment``, ``default_map`` (a
-    configuration file) or ``default``. `typed` has the arguments of the command line, for commands
-    that messages propose.
+    Values override each other in this order, the strongest first: flag, environment, suite,
+    configuration file, baseline, default. `evaluation` has the options of the evaluation by field.
+    `sources` has the source of the value of each parameter: ``commandline``, ``environment``,
+    ``default_map`` for a configuration file, or ``default``. `typed` has the arguments of the
+    command line, for commands that messages propose.
     """
 
     baseline: str | None = _stored(
@@ -41,7 +41,7 @@ class GateOptions(Values):
         shown="total:+0.001%",
     )
     warn_on: tuple[str, ...] = _stored(
-        "--warn-on RULE", "Like --fail-on, but only warn. Repeatable.", default=()
+        "--warn-on RULE", "A rule as for --fail-on that only warns. Repeatable.", default=()
     )
     maximum: tuple[str, ...] = _stored(
         "--max NAME=VALUE",
@@ -65,18 +65,18 @@ class GateOptions(Values):
     )
     strict: bool = _gate(
         "--strict",
-        "Fail if a group is above its limit, even if its seeds may be the reason.",
+        "Fail if a group is above its limit, although its seeds may be the reason.",
     )
     against: str | None = _gate(
         "--against TARGET",
         "Judge the estimates of this branch by the suite, the baseline, the truths and the "
         "configuration of the target branch, a git revision such as origin/main, or of a folder, "
-        "./target. Those of this branch, and the environment, are ignored.",
+        "./target. Files of these kinds in this branch, and the environment, are ignored.",
     )
     newer_than: str | None = _gate(
         "--newer-than FILE|TIME",
-        "Fail for estimates that were written before this file, or this time (2026-11-28T06:00): "
-        "the tracker did not run.",
+        "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: the "
+        "tracker did not run.",
     )
     output: str | None = _gate(
         "-o, --output DIR",
@@ -85,7 +85,7 @@ class GateOptions(Values):
     force: bool = _gate("--force", "Write into a folder with other files in it.")
     only: tuple[str, ...] = _gate(
         "--only PATTERN",
-        "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
+        "With --update-baseline, renew only the entries of these pairs: 'slow/*'. Repeatable.",
         default=(),
     )
     prune: bool = _gate(
@@ -95,12 +95,12 @@ class GateOptions(Values):
     group: str | None = _gate(
         "--group LABELS",
         "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
-        "judge the sums by --fail-on; all adds up all pairs. Runs with different seeds show "
-        "whether a change is more than noise.",
+        "judge the sums by --fail-on; all adds up all. Runs with different seeds show whether a "
+        "change is more than noise.",
     )
     confidence: float | None = _gate(
         "--confidence P",
-        "Confidence of the test with runs of different seeds: a tracker that is as good as the "
+        "Confidence of the tests by runs with different seeds: a tracker that is as good as the "
         "limit fails in at most 1 - P of all gates.",
         shown="0.975",
     )
@@ -120,7 +120,7 @@ class GateOptions(Values):
     config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
-        """Return options of the evaluation from these sources, by field."""
+        """Return the options of the evaluation that have one of these sources, by field."""
         return {
             name: value
             for name, value in self.evaluation.items()
@@ -132,14 +132,14 @@ class GateOptions(Values):
         return self.sources.get(name) in ("commandline", "environment")
 
     def chosen(self, name: str) -> bool:
-        """Return whether an update renews this pair."""
+        """Return whether an update includes this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
 
     @property
     def renewed(self) -> Callable[[str], bool] | None:
-        """Test for the names of entries that an update renews; None without an update."""
+        """Test for the names of entries that an update makes again; None without an update."""
         return self.chosen if self.update_baseline else None
 
     def prefix(self, name: str) -> str:
-        """Return the beginning of a message about a pair: its name, if there is a suite."""
+        """Return the beginning of a line about a pair: its name if there is a suite, else blank."""
         return f"{clipped(name)}: " if self.suite else ""

@@ -1,4 +1,4 @@
-"""Result of a gate: one outcome for each pair, and messages for the user."""
+"""Result of a gate: an outcome for each pair, and messages for the user."""
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
@@ -47,41 +47,41 @@ WORST_FIRST = tuple(
     getattr(Verdict, name) for name in ("FAIL", "INCOMPARABLE", "UNDECIDED", "NOISE", "PASS")
 )
 OPEN = 1e-6
-"""Relative gap of the total above which a note says that the baseline is not exact."""
+"""Relative gap of a total above which a note says that the baseline is not exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairOutcome:
-    """Outcome of one pair or one group.
+    """Outcome of one pair or of one group.
 
     Parameters
     ----------
     name, truth, estimate : str
-        Name of the pair, and its files.
+        Name of the pair and its files.
     verdict : Verdict
-        Worst verdict of the findings, or the reason why there are no findings.
+        The worst verdict of the findings, or the reason why there are no findings.
     status : int
         Exit status.
     findings : tuple of Finding
         One for each rule.
     changes : mapping of str to pair of float
-        For an update: values before and after, by path; None for a missing value.
+        Values before and after an update, by path; None for a value that does not exist.
     notes : tuple of str
         Reasons and remedies for the user.
     seconds : float
         Time of reading and solving.
     warnings : tuple of Notice
-        Warnings about the data.
+        Suspicious features of the data.
     group : bool
-        Whether the outcome is that of a group: several pairs, added up.
+        Whether this is the outcome of a group: several pairs, added up.
     values : mapping of str to Value
-        Values that rules can name; empty if the pair was not evaluated.
+        Values that rules can name, if the pair was evaluated.
     labels : mapping of str to str
         Labels of the pair.
     base : float, optional
-        Total of the pair in the baseline.
+        Total of the baseline for the same ground truth.
     page : str
-        Content of the page of the pair; blank without one.
+        Page of the pair; blank without one.
     """
 
     name: str
@@ -109,37 +109,37 @@ class PairOutcome:
 
     @property
     def page_name(self) -> str:
-        """Path of the page of this pair in the folder of a gate; blank without one."""
+        """Path of the page in the folder of a gate; blank without a page."""
         from tgospa_eval.show.files import folder_name  # lazy: for folders only
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
 
     @property
     def warned(self) -> tuple[Finding, ...]:
-        """Rules of ``--warn-on`` that are broken, or not proven to hold."""
+        """Findings of rules of ``--warn-on`` that are broken or undecided."""
         return tuple(f for f in self.findings if f.warning)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """Outcomes of all pairs and groups.
+    """Report on all pairs and groups.
 
     Parameters
     ----------
     baseline : str
         Path of the baseline.
     outcomes : tuple of PairOutcome
-        Outcomes of the groups, then of the pairs in the order of the suite.
+        Outcomes in the order of the suite, those of groups first.
     version : str
         Version of the program.
     again : tuple of str
-        Words of the command that accepts the failures.
+        Words of the command that accepts the failed pairs; empty without one.
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
-        The target branch whose suite and baseline were used; blank without one.
+        Target branch with the suite and the baseline that judge; blank without one.
     tally : mapping of str to int
-        For an update: numbers of entries that were updated, are unchanged, were removed.
+        Numbers of entries that an update renewed, kept and removed.
     notices : tuple of str
         Notes on the baseline as a whole.
     """
@@ -154,12 +154,12 @@ class Report:
     notices: tuple[str, ...] = ()
 
     def messages(self, *warnings: Notice) -> list[str]:
-        """Return messages without a verdict: source of the settings, these warnings, notices."""
+        """Return the messages next to the verdicts: source of settings, warnings and notices."""
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
     def status(self) -> int:
-        """Exit status of the gate."""
+        """Exit status."""
         return worst(outcome.status for outcome in self.outcomes)
 
     @property
@@ -172,13 +172,13 @@ class Report:
 
     @property
     def advice(self) -> str:
-        """Command that accepts failures or tightens the baseline; blank if neither applies."""
+        """Command that accepts the failed pairs or tightens the baseline; blank without one."""
         import shlex  # lazy: most gates pass
 
         return shlex.join(self.again)
 
     def count(self, verdict: Verdict) -> int:
-        """Count the outcomes with this verdict."""
+        """Count the outcomes with a verdict."""
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
@@ -191,11 +191,10 @@ def evaluated_outcome(
     noisy: bool = False,
     **about: Any,
 ) -> PairOutcome:
-    """Return verdict, findings and notes of a result against its entry of the baseline.
+    """Return verdict, findings and notes of a result that is compared with its baseline entry.
 
-    Without an entry all rules are absolute limits. `noisy` means that the pair is one of several
-    runs with different seeds: a single one does not show an improvement. `about` has further
-    fields.
+    Without an entry all rules must be absolute limits. `noisy` means that the pair is one run among
+    several seeds, so that this run alone shows no improvement. `about` has further fields.
     """
     reasons = differences(entry, now) if entry else []
     if reasons:
@@ -222,10 +221,9 @@ def combined_outcome(
     more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Return verdict, findings and notes of a group.
+    """Return verdict, findings and notes of a group; `faults` are reasons why it is not comparable.
 
-    `faults` are the reasons why the group cannot be compared. `dead` has a finding for each dead
-    run.
+    `dead` has a finding for each dead run.
     """
     pair, faults = Job(name=name), list(faults)
     if faults:
@@ -250,7 +248,7 @@ def _worst(findings: Iterable[Finding]) -> Verdict:
 
 
 def _unknown(rule: Rule) -> Finding:
-    """Return the finding for a value that is not known."""
+    """Return the finding for a value that is absent from the result or the baseline."""
     now = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
     return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.INCOMPARABLE)
 
@@ -258,7 +256,7 @@ def _unknown(rule: Rule) -> Finding:
 def updated_outcome(
     pair: Job, before: Json | None, entry: Json, now: Measured, **about: Any
 ) -> PairOutcome:
-    """Return the changes that an update makes to a baseline; `about` has further fields."""
+    """Return the outcome of an update, with the changed values; `about` has further fields."""
     notes = _update_notes(before, entry, now)
     changes = _changes(before["values"] if before else {}, entry["values"])
     return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
@@ -283,7 +281,7 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return the values that differ between two entries; bounds are left out."""
+    """Return the values that differ between two entries; `tgospa` is the upper bound."""
     values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
@@ -336,7 +334,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
     elif finding.inference and finding.verdict in (Verdict.FAIL, Verdict.NOISE):
         yield from _inferred(finding, finding.inference, warning)
     elif finding.verdict is Verdict.UNDECIDED:
-        about = f"between {lower} and {upper}" if lower != upper else f"{lower} but for rounding"
+        about = f"between {lower} and {upper}" if lower != upper else f"{lower} up to rounding"
         yield f"{warning}{rule.path} is {about}, {allowed}"
     elif finding.verdict is Verdict.FAIL:
         known = f"at least {lower}, proven" if now.proven else lower
@@ -345,7 +343,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
 
 
 def _absent(finding: Finding) -> str:
-    """Return the reason why there is no value to judge."""
+    """Return the reason why a value cannot be judged."""
     path = finding.rule.path
     if names_summary(path):
         return (
@@ -356,8 +354,8 @@ def _absent(finding: Finding) -> str:
         return f"the result has no {path}"
     if not math.isnan(finding.now.upper):
         return (
-            f"the baseline has no NEES; make it again with {option('update_baseline')} and this "
-            "rule"
+            "the baseline has no NEES; make it again with "
+            f"{option('update_baseline')} and this rule"
         )
     return (
         "the result has no NEES: no assigned state has a covariance that can be inverted, or it "
@@ -366,7 +364,7 @@ def _absent(finding: Finding) -> str:
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
-    """Yield the change of these files, and what the test infers about the tracker."""
+    """Yield the proven change of these files, and the inference about the tracker."""
     rule, base = finding.rule, finding.base or 0.0
     now, limit, before = texts(finding.now.lower, finding.limit, base)
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
@@ -386,9 +384,8 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     mark = f"because of {option('strict')}, although " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
         yield (
-            f"{mark}within noise: {runs} are too few for the test; it needs {inference.needed} "
-            "runs, or fewer groups and rules. Only a jump (a total far above the usual spread of "
-            "its seeds) or a dead run could fail"
+            f"{mark}within noise: {runs} can show only jumps; "
+            f"{inference.needed} runs are needed, or fewer groups and rules"
         )
     elif math.isinf(inference.noticeable):
         yield f"{mark}within noise: few of {runs} are worse, {p}"
@@ -400,7 +397,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
 
 
 def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
-    """Yield a note on the parts of the cost that changed; parts are not proven."""
+    """Yield a note with the parts of the cost that changed, according to the split."""
     moved = [
         f"{path} {number(old[path], 7)} -> {number(values[path].upper, 7)}"
         for path in PARTS
@@ -417,7 +414,7 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """Return the outcome; a failed group gets notes on its parts, its worst scenes and runs."""
+    """Return the outcome; that of a failed group has notes on its parts, worst scenes and runs."""
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
     for name in results if one.group and one.verdict is Verdict.FAIL else ():
@@ -454,7 +451,7 @@ def of_its_runs(
 
 
 MAX_WORST = 3
-"""Number of scenes, and of runs, that the notes of a failed group name."""
+"""Largest number of scenes, and of runs, that the notes of a group name."""
 
 
 def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
@@ -464,7 +461,7 @@ def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, 
 def texts(*numbers: float) -> list[str]:
     """Format numbers with enough digits that different numbers look different.
 
-    Numbers that agree to 12 digits count as equal: the difference is outward rounding.
+    Numbers that agree to 12 digits count as equal, because outward rounding changes the last ones.
     """
     differ = len({f"{value:.12g}" for value in numbers})
     for digits in (7, 10):
@@ -477,7 +474,7 @@ def texts(*numbers: float) -> list[str]:
 def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
-    """Return outcomes of the pairs of the baseline that are not among `names`."""
+    """Return outcomes of pairs of the baseline that are not among these names."""
     gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
@@ -505,11 +502,11 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
 
 
 # -------------------------------------------------------------------------------------------------
-# Options of the proposed command, which accepts the result of a gate.
+# Options of the command that a gate proposes, to accept the new values.
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
-    """Return the arguments without this option and its value."""
+    """Return arguments without an option that has a value."""
     kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)
@@ -523,7 +520,7 @@ def accepting_options(
     pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
-    """Return the options that accept only failed pairs, or only pairs that can be tightened."""
+    """Return the options that accept the failed pairs, or the improved pairs if no pair failed."""
     there = {pair.name: pair for pair in pairs}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}

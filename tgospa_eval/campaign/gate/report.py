@@ -1,4 +1,4 @@
-"""Report of a gate: a table of 80 columns, JSON, Markdown for a pull request."""
+"""Reports of a gate: table of 80 columns, JSON, Markdown, GitHub, JUnit XML and pages."""
 
 import math
 import os
@@ -31,7 +31,7 @@ def title(outcome: PairOutcome) -> str:
 
 
 def headline(report: Report) -> str:
-    """Return the verdict and the counts behind it, in one line."""
+    """Return the verdict and the counts of all verdicts, in one line."""
     parts = [f"{count} {what}" for what, count in report.tally.items()]
     for kind, group in (("group", True), ("pair", False)) if not parts else ():
         of_kind = [one.verdict for one in report.outcomes if one.group is group]
@@ -56,7 +56,7 @@ def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool
 
 
 UNPROVEN = "the reported split, not proven: another assignment may have the same total"
-"""Note on values with a ``*``."""
+"""Note on values that are marked as not proven."""
 
 LIMITS = ("baseline", "limit", "now")
 
@@ -64,17 +64,17 @@ LIMITS = ("baseline", "limit", "now")
 def rows_of(
     report: Report,
 ) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
-    """Yield a row for each rule: pair, text, (baseline, limit, value), verdict, whether proven.
+    """Yield a row for each rule: outcome, text, numbers, verdict, and whether it is proven.
 
-    An update has a row for each value that changes, with the old and the new value. A pair that
-    could not be judged has a single row without numbers.
+    The numbers are baseline, limit and value. An update has a row for each changed value, with the
+    value before and after. An outcome without findings has a single row without numbers.
     """
     for outcome in report.outcomes:
         for path, change in outcome.changes.items():
             yield outcome, path, change, "", True
         for finding in outcome.findings:
             base = None if finding.rule.absolute else finding.base
-            # The value of the row is the bound on which the verdict depends.
+            # The shown number is the bound that decides the verdict.
             first = (finding.verdict is Verdict.FAIL) is not finding.rule.is_minimum
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
@@ -87,11 +87,11 @@ def rows_of(
 
 
 def table(report: Report, width: int = table_text.WIDTH) -> str:
-    """Return the rules of all pairs, then notes; many passing rules are folded."""
+    """Return a table of the rules of all pairs, then notes; many passing rules are left out."""
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
     shown = all_rows
-    if len(all_rows) > MANY_ROWS:  # a long update shows only totals
+    if len(all_rows) > MANY_ROWS:  # an update shows the totals only
         shown = [row for row in all_rows if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
@@ -127,11 +127,11 @@ def table(report: Report, width: int = table_text.WIDTH) -> str:
 
 
 MANY_ROWS = 40
-"""Number of rules above which passing rules are not shown one by one."""
+"""Number of rules above which rules that pass are not shown one by one."""
 
 
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
-    """Yield notes on pairs, each sentence once; without errors, which are on stderr."""
+    """Yield the notes on pairs, each sentence once; notes of errors are on stderr only."""
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
         for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
@@ -145,7 +145,7 @@ SAID_OF = 3
 
 
 def shortened(names: Sequence[str], width: int) -> list[str]:
-    """Shorten names to this width; keep different names different if possible."""
+    """Shorten names to `width` characters; different names stay different if possible."""
     if max(map(len, names), default=0) <= width:
         return [*names]
     parts = [name.split("/") for name in names]
@@ -153,7 +153,7 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Names such as run-01-of-the-suite have common beginnings and ends within a part.
+        # Names such as run-01-of-the-suite also share characters of their parts.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -170,40 +170,40 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
 
 
 def _prefix(names: Sequence[str]) -> str:
-    """Return the common prefix; at least one character of each name is left over."""
+    """Return the common prefix that leaves at least one character of each name."""
     return min(names)[: _common(names)]
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """Count the first parts that are the same in all; at least one part of each is left over."""
+    """Count the first parts that all have in common, so that at least one part of each remains."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
 
 def accept_title(report: Report) -> str:
-    """Return the heading of the command that accepts the result."""
+    """Return the title of the command that accepts the new values."""
     until = f"; {report.against} judges until it has this" if report.against else ""
     return f"To accept this, if it is right{until}"
 
 
 IN_NOISE = "in noise"
-"""Verdict in reports: above the limit, but seeds can explain it."""
+"""Verdict on a group above its limit whose seeds may be the reason."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
 
 def in_words(verdict: Verdict) -> str:
-    """Return a verdict as reports write it."""
+    """Return a verdict as words for readers."""
     return IN_NOISE if verdict is Verdict.NOISE else verdict
 
 
 def shown_verdict(finding: Finding) -> str:
-    """Return the verdict of a rule; that of a broken or undecided warning is ``warning``."""
+    """Return the verdict of a rule; "warning" if it only warns, and is broken or undecided."""
     return "warning" if finding.warning else in_words(finding.verdict)
 
 
 def number_of(value: float | None) -> str:
-    """Format a number for its column; an unknown one is a dash."""
+    """Format a number for its column; an unknown number is a dash."""
     if value is None or math.isnan(value):
         return "-"
     text = number(value, 7)
@@ -211,7 +211,7 @@ def number_of(value: float | None) -> str:
 
 
 def json_report(report: Report) -> str:
-    """Return the report as JSON with sorted keys, never NaN or Infinity."""
+    """Return the report as JSON with sorted keys, without NaN or Infinity."""
     document = {
         "schema": SCHEMA,
         "version": report.version,
@@ -229,7 +229,7 @@ def json_report(report: Report) -> str:
 
 
 OF_THE_OUTCOME = ("name", "truth", "estimate", "verdict", "status", "seconds")
-"""Fields of a pair that are copied to the JSON."""
+"""Fields of an outcome that the JSON has unchanged."""
 
 
 def _pair(outcome: PairOutcome) -> Json:
@@ -243,7 +243,7 @@ def _pair(outcome: PairOutcome) -> Json:
 
 
 def finding_record(finding: Finding) -> Json:
-    """Return the record of a finding in the JSON."""
+    """Return a finding as a record of the JSON."""
     return {
         "rule": finding.rule.text,
         "warns": finding.rule.warns,
@@ -265,17 +265,17 @@ def _inference(inference: Inference) -> Json:
 
 
 def _finite(value: float) -> float | None:
-    """Return the number; None for one that JSON cannot express."""
+    """Return the number; None if JSON cannot express it."""
     return value if math.isfinite(value) else None
 
 
 def markdown(report: Report) -> str:
-    """Return the Markdown report, cut to the length of a comment on a pull request."""
+    """Return the Markdown report, not longer than a comment on a pull request may be."""
     return summary(report, COMMENT).decode()
 
 
 def github_lines(report: Report) -> Iterator[str]:
-    """Yield lines of the Markdown report: verdict, failures and reasons, the rest, passed rules."""
+    """Yield the Markdown report: verdict, failed rules and reasons, other rules, passed rules."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
     bad, quiet = (
@@ -321,7 +321,7 @@ def github_lines(report: Report) -> Iterator[str]:
 
 
 def advice_lines(report: Report) -> list[str]:
-    """Return Markdown lines with the command that accepts the result."""
+    """Return the lines of Markdown with the command that accepts the new values."""
     if not report.advice:
         return []
     return [
@@ -335,7 +335,7 @@ FOLDED = 5
 
 
 def change(values: tuple[float | None, ...]) -> str | None:
-    """Return the change from the baseline to now, in per cent."""
+    """Return the change from the baseline to the new value, in per cent."""
     base, now = values[0], values[-1]
     return f"{now / base - 1:+.1%}" if base and now is not None else None
 
@@ -367,7 +367,7 @@ SUMMARY = 1_000_000
 """Largest number of bytes of the step summary."""
 
 COMMENT = 60_000
-"""Largest number of bytes of a comment; GitHub allows 65,536 characters."""
+"""Largest number of bytes of a comment on a pull request; GitHub allows 65,536 characters."""
 
 TRUNCATED = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
@@ -406,9 +406,9 @@ def _command(kind: str, heading: str, text: str) -> str:
 
 
 def append_summary(report: Report, path: str | None) -> None:
-    """Append as many whole lines of the Markdown report to the step summary as fit.
+    """Append the Markdown report to the step summary, as many whole lines as fit.
 
-    Outside of GitHub Actions there is no summary, and nothing is done.
+    Without a path, as outside of GitHub Actions, nothing is written.
 
     Raises
     ------
@@ -428,7 +428,7 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command is included unless it needs more than half of the room.
+    # The command is included, unless it would take more than half of the room.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(TRUNCATED.encode()) + len(END) + len(advice)
@@ -449,18 +449,19 @@ END = b"\n</details>\n"
 
 
 # -------------------------------------------------------------------------------------------------
-# Report as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
+# Report as JUnit XML in the form that Jenkins and GitLab read, with one case for each rule.
 #
 # A broken rule is a failure. A rule that could not be judged is an error. A warning passes with a
-# text. The XML is written without a library, whose import takes as long as a small evaluation.
+# text.
+# No library for XML is used, because its import takes as long as a small evaluation.
 
 SUITE = "tgospa-eval gate"
 PAGE = "gate.html"
-"""File name of the page of all pairs, in the folder of ``-o``."""
+"""Name of the page of all pairs, in the folder of ``-o``."""
 
 
 def junit(report: Report, folder: str | None = None) -> str:
-    """Return the report as a document; failing cases link to their pages in `folder`."""
+    """Return the report as a document; cases that do not pass point to their pages in `folder`."""
     cases: list[str] = []
     for outcome in report.outcomes:
         messages = report.messages(*outcome.warnings)
@@ -486,7 +487,7 @@ def junit(report: Report, folder: str | None = None) -> str:
 
 
 def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
-    """Yield a case for each rule, or one without rules; the first has the time and messages."""
+    """Yield a case for each rule, or one without rules; the first has the time and the messages."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
         kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
@@ -509,7 +510,7 @@ def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
         seconds = 0.0 if place else outcome.seconds
-        # The name does not have the limit, so that a case keeps its history if the limit changes.
+        # The name is without the limit, so that a case keeps its history when the limit changes.
         rule = finding.rule
         kind = (
             (" min" if rule.is_minimum else " max") if rule.absolute else " less" * rule.is_minimum
@@ -539,10 +540,10 @@ def _attributes(values: dict[str, str]) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# The folder of a gate: a page with verdicts and changes, and the pages of pairs.
+# Folder of a gate: a page with verdicts and changes, and the pages of pairs.
 
 LEVELS = (0.01, 0.03, 0.1, 0.3)
-"""Relative changes at which a cell becomes darker."""
+"""Relative changes at which a cell of the page becomes darker."""
 
 
 def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
@@ -551,9 +552,9 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
     Parameters
     ----------
     report : Report
-        Result of the gate.
+        Report of the gate.
     seed : str
-        The label in which runs of one scene differ.
+        Label in which runs of one scene differ.
     """
     pages = {one.page_name: one.page for one in report.outcomes if one.page}
     return {
@@ -565,7 +566,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 
 def page(report: Report, seed: str) -> str:
-    """Return the page of all pairs: HTML from a template, without scripts."""
+    """Return the page of all pairs, made from a template, without a script."""
     from tgospa_eval.show.html import images, still_page  # lazy: for folders only
 
     rows = [
@@ -601,7 +602,7 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Return the seeds, and for each scene a cell for each seed; empty without values."""
+    """Return the seeds, and for each scene a cell for each seed, of the pairs with values."""
     scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:
@@ -617,7 +618,7 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
 
 
 def _totals(report: Report, seed: str) -> dict[str, tuple[list[float], list[float]]]:
-    """Return the totals of the runs by scene: those of the baseline, and the new ones."""
+    """Return the totals of the runs of the baseline and of the new runs, by scene."""
     totals: dict[str, tuple[list[float], list[float]]] = {}
     for one in report.outcomes:
         if one.values and one.base and seed in one.labels:

@@ -1,4 +1,4 @@
-"""Rules of a gate: limits for values with brackets, and the verdicts that the brackets prove."""
+"""Rules of a gate: limits for values with brackets, and the verdicts that brackets prove."""
 
 import math
 import re
@@ -18,23 +18,23 @@ PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
-"""Values of one optimal assignment; another may split the same total in another way."""
+"""Values of one optimal assignment; another one may split the same total differently."""
 
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
-"""Values of the assigned pairs of one optimal assignment; not evaluated by class."""
+"""Values of the assigned pairs of one optimal assignment, for all classes together only."""
 
 RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
-"""All values that a rule can name, without those of classes and of the summary."""
+"""Values that a rule can name, without the values of classes and of the summary."""
 
 
 def is_beside(path: str) -> bool:
-    """Return whether a value is that of assigned pairs (NEES or the summary), not of the cost."""
+    """Return whether a value describes assigned pairs (NEES or the summary), not the cost."""
     return path in OF_NEES or names_summary(path)
 
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""Last parts of a path, longer ones first: ``counts.missed`` before ``missed``."""
+"""Ends of a path, the longest first: ``counts.missed`` before ``missed``."""
 
 TOLERANCE = 1e-6
 """Tolerance of rules on the split: in counts, or in units of c^p."""
@@ -72,7 +72,7 @@ STATUS = {
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
     Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
-"""Exit status of each verdict; an error may have its own."""
+"""Exit status of each verdict; an error may have its own exit status."""
 
 SEVERITY = (
     ExitStatus.REGRESSION,
@@ -83,7 +83,7 @@ SEVERITY = (
 )
 """Exit statuses, the worst first.
 
-A proven regression comes first: a pipeline that tolerates 2 or 4 must not let a regression pass.
+A proven regression comes first, because a pipeline that tolerates 2 or 4 must still fail for it.
 """
 
 
@@ -99,7 +99,7 @@ class Value(Interval):
     Parameters
     ----------
     lower, upper : float
-        Ends of the bracket; for a value of the split both are the reported number.
+        The bracket; both are the reported number for a value of the split.
     proven : bool
         Whether the bracket is proven.
     unit : float
@@ -111,7 +111,7 @@ class Value(Interval):
 
     @classmethod
     def of(cls, number: float, unit: float = 1.0) -> "Value":
-        """Return a value of the reported assignment, not proven."""
+        """Return a value of the reported assignment, which is not proven."""
         return cls(lower=number, upper=number, proven=False, unit=unit)
 
     @property
@@ -127,19 +127,19 @@ class Rule:
     Parameters
     ----------
     text : str
-        Text of the rule, as the user wrote it.
+        The rule as a text.
     path : str
         Name of the value.
     slack : float
-        Amount by which the value may be worse than the baseline; if `absolute`, the limit.
+        Allowed distance from the baseline to the worse side; the limit itself if `absolute`.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
         Smallest slack, in units of the value.
     absolute : bool
-        Whether the limit does not depend on the baseline.
+        Whether the limit is independent of the baseline.
     is_minimum : bool
-        Whether the limit is the smallest allowed value, not the largest.
+        Whether the limit is the smallest allowed value, instead of the largest.
     warns : bool
         Whether a broken rule is only a warning.
     """
@@ -154,7 +154,7 @@ class Rule:
     warns: bool = False
 
     def limit(self, base: float | None, unit: float) -> float:
-        """Return the limit, the worst value that keeps the rule, given the baseline value."""
+        """Return the last value that keeps the rule, given the value of the baseline."""
         if self.absolute:
             return self.slack
         if base is None:
@@ -167,33 +167,31 @@ class Rule:
 
 
 DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
-"""The rule of a gate without other rules."""
+"""The rule that applies if no rule is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """Inference about the tracker from runs with different seeds, next to the proof for the files.
+    """Inference about the tracker from runs with several seeds, next to the proof for these files.
 
     Parameters
     ----------
     p_value : float
-        P value for the hypothesis that the tracker is as good as the limit.
+        p value of the test that the tracker is worse than the limit.
     confidence : float
-        Confidence of the test: a change is supported if its p value is at most 1 - confidence.
+        Confidence; a p value of at most 1 - confidence supports the change.
     runs : int
-        Number of new runs.
+        Number of runs that are judged.
     needed : int
-        Number of runs that the test needs.
+        Number of runs from which the test can support a change.
     paired : bool
         Whether the seeds are those of the baseline.
     noticeable : float
-        Relative change against the baseline that these runs would detect; may be infinite.
+        Relative change from the baseline that these runs would detect; may be infinite.
     better : float
-        P value for the hypothesis that the tracker is better than the baseline by no more than the
-        slack of the rule.
+        p value of the test that the tracker is better than the baseline by the slack of the rule.
     jump : str
-        Note on the scene or run whose total is far above the usual spread of its seeds; may be
-        blank.
+        Sentence about the scene or run that is a jump; blank without a jump.
     """
 
     p_value: float
@@ -221,17 +219,17 @@ class Finding:
     base : float or None
         Value of the baseline.
     limit : float
-        The worst value that keeps the rule.
+        The last value that keeps the rule.
     now : Value
-        New value.
+        Value of this run.
     verdict : Verdict
-        Verdict on the rule.
+        Verdict of the rule.
     inference : Inference, optional
-        Inference for a group of runs with different seeds.
+        Inference from the runs of a group with several seeds.
     noisy : bool
-        Whether the value is that of one such run, which does not show an improvement.
+        Whether the pair is one run among several seeds; a single run shows no improvement.
     note : str
-        Message that replaces the usual one; may be blank.
+        Message that replaces the usual one.
     """
 
     rule: Rule
@@ -245,7 +243,7 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if brackets of values on the same truths prove the change."""
+        """True if the change is proven by brackets of values on the same ground truths."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
@@ -255,7 +253,7 @@ class Finding:
 
     @property
     def improved(self) -> bool:
-        """True if the value is better than the baseline by more than the slack of the rule."""
+        """True if the value is better than the baseline by more than the rule's slack."""
         if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
@@ -270,7 +268,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
     Raises
     ------
     ConfigError
-        The rule needs a value that the baseline does not have.
+        The baseline does not have the value, or the limit is too large.
     """
     limit = rule.limit(base, now.unit)
     sign = -1 if rule.is_minimum else 1
@@ -287,7 +285,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """Parse the rule ``PATH:+N`` or ``PATH:+N%``.
 
-    ``PATH:-N`` allows NEES, or a number of the summary, to be N less than in the baseline.
+    In ``PATH:-N``, N is the allowed decrease of NEES, or of a number of the summary.
 
     Raises
     ------
@@ -340,14 +338,14 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Return the rules of texts, each of which may be a list with commas.
+    """Return the rules of texts with one or several rules; with `default` the default rule.
 
-    With `default`, no `fail_on` means the default rule.
+    `default` applies if `fail_on` is empty.
 
     Raises
     ------
     ConfigError
-        A rule is wrong.
+        A text is wrong.
     """
     return [
         *([*_parsed(fail_on, "fail_on")] or [DEFAULT][:default]),
@@ -357,7 +355,7 @@ def parse_rules(
 
 
 def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
-    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` is a rule for each end."""
+    """Parse the rules of one option; a range ``PATH:LEAST..MOST`` becomes a rule for each end."""
     for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
@@ -365,7 +363,7 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
             continue
         given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
         path = _path(ends["path"].strip(), name, text)
-        read = parsed if names_summary(path) else _not_negative  # an error may have a sign
+        read = parsed if names_summary(path) else _not_negative  # a mean error may be negative
         limits = {sign: read(number) for sign, number in given.items()}
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
@@ -382,9 +380,9 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
-    """Return pairs of class (or None) and value that a path may mean, the likeliest first.
+    """Return the class, if any, and the value that a path may mean, the likeliest first.
 
-    The name of a class may have dots. The longer tail comes first: ``counts.missed`` before
+    The name of a class may have dots, so the longest tail comes first: ``counts.missed`` before
     ``missed``.
     """
     if not path.startswith(BY_CLASS):
@@ -396,7 +394,7 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
 def _each(texts: Iterable[str]) -> Iterator[str]:
     """Yield the rules of lists with commas.
 
-    Only a comma after the number ends a rule, since the name of a class may have commas.
+    Only a comma after the number ends a rule, because the name of a class may have commas.
     """
     for text in texts:
         parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)

@@ -1,4 +1,4 @@
-"""Suites: several pairs to judge, listed in a TOML file. Reads no data files."""
+"""Suites: several pairs to judge, from a TOML file. This module does not read data files."""
 
 import filecmp
 import os
@@ -20,24 +20,24 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.quoting import listed, quoted
 
 # -------------------------------------------------------------------------------------------------
-# Files of the target branch: those of a git revision, or of a folder with a checkout.
+# Files of the target branch: from a git revision, or from a folder next to the working tree.
 
 OPTION = "--against"
 
 
 class Target:
-    """Reader of files of the target, by their paths in the working tree.
+    """Reader of the files of the target, by their paths in the working tree.
 
     Parameters
     ----------
     where : str
-        A git revision such as ``origin/main``, or a folder with a checkout of the target. The form
-        of a folder differs from that of revisions: ``./target``, ``/target``, ``target/``.
+        A git revision such as ``origin/main``, or a folder with a checkout of the target. A folder
+        has a form that a revision cannot have: ``./target``, ``/target``, ``target/``.
 
     Raises
     ------
     ConfigError
-        There is no such revision, or no such folder.
+        The revision or the folder does not exist.
     """
 
     def __init__(self, where: str) -> None:
@@ -82,7 +82,7 @@ class Target:
         Raises
         ------
         ConfigError
-            The target has no such file, or it cannot be read.
+            The target lacks the file, or the file cannot be read.
         """
         content = self.read(path)
         if content is None:
@@ -90,7 +90,7 @@ class Target:
         return content
 
     def has(self, path: str) -> bool:
-        """Return whether the target has this file, or a folder of this name with files."""
+        """Return whether the target has this file, or files in this folder."""
         return not self._with_folders.isdisjoint(_places(path))
 
     def has_another(self, path: str) -> bool:
@@ -123,19 +123,19 @@ class Target:
 
     @cached_property
     def _changed(self) -> set[str]:
-        """Files that differ or are missing in the working tree, and their folders.
+        """Files that the working tree changed or lacks, and their folders.
 
-        git compares them: it allows for line endings, and for large files that are kept elsewhere.
+        git compares them, because it knows about line ends and large files in other storage.
         """
         return _with_folders(self._listed(*DIFF, self.commit))
 
     def _listed(self, *arguments: str) -> list[str]:
-        """Return the paths that git lists, as paths in the working tree.
+        """Return the paths that a git command lists, as paths in the working tree.
 
         Raises
         ------
         ConfigError
-            git fails.
+            The git command fails.
         """
         top, names = _git("rev-parse", "--show-toplevel"), _git(*arguments)
         if top is None or names is None:
@@ -145,7 +145,7 @@ class Target:
 
 
 def last_change(path: str) -> Target | None:
-    """Return the last commit that changed a file; None without one."""
+    """Return the last commit that changed a file as a target; None without such a commit."""
     commit = _git("log", "-1", "--format=%h", "--", path) if path else None
     return Target(commit.decode().strip()) if commit else None
 
@@ -157,13 +157,13 @@ DIFF = (
 
 
 def _file(path: str) -> str:
-    """Return the file of a path, which may name a variable inside the file."""
+    """Return the file of a path that may name a variable in the file."""
     named = re.match(WITH_VARIABLES, path)
     return named[1] if named else path
 
 
 def _places(path: str) -> set[str]:
-    """Return the paths of a file: with links, and with links resolved."""
+    """Return the paths of a file: with links as given, and with links resolved."""
     return {os.path.abspath(_file(path)), os.path.realpath(_file(path))}
 
 
@@ -175,7 +175,7 @@ def _walk(folder: str) -> Iterator[str]:
 
 
 def _with_folders(files: Iterable[str]) -> set[str]:
-    """Return these files and all folders above them."""
+    """Return the files and all folders above them."""
     paths = set[str]()
     for file in files:
         while file not in paths:
@@ -185,7 +185,7 @@ def _with_folders(files: Iterable[str]) -> set[str]:
 
 
 def _git(*arguments: str, given: bytes = b"") -> bytes | None:
-    """Return the output of a git command that only reads; None if it fails."""
+    """Return the output of a git command that only reads; None if the command fails."""
     try:
         done = subprocess.run(("git", *arguments), input=given, capture_output=True, check=False)
     except FileNotFoundError:
@@ -199,16 +199,16 @@ SUITE_KEYS = ("baseline", "pair", "group", "limits", "options", *RULE_KEYS)
 GROUP_KEYS = ("name", "confidence", "seed", *RULE_KEYS)
 LIMITS_KEYS = ("match", *RULE_KEYS)
 SEED = "seed"
-"""Default label in which runs of one scene differ."""
+"""Default name of the label in which runs of one scene differ."""
 
 ONLY_PAIR = "pair"
 """Name of the pair in a baseline with a single pair."""
 
 Table: TypeAlias = dict[str, object]
-"""A table of a TOML file."""
+"""Table of a TOML document."""
 
 Rules: TypeAlias = Mapping[str, tuple[str, ...]]
-"""Texts of rules, by the keys `RULE_KEYS`."""
+"""Texts of rules by `RULE_KEYS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,13 +218,13 @@ class GroupTable:
     Parameters
     ----------
     name : str
-        Pattern with labels in braces, ``"{scenario}"``; without a label all pairs are one group.
+        Pattern with labels in braces, ``"{scenario}"``; without labels all pairs are one group.
     rules : tuple of Rule
         Rules of each group.
     confidence : float
-        Confidence of the test with seeds.
+        Confidence of the tests.
     seed : str
-        The label in which runs of one scene differ.
+        Label in which runs of one scene differ.
     """
 
     name: str
@@ -244,24 +244,24 @@ class GroupTable:
 def load_suite(
     path: str, known: Mapping[str, bool], target: Target | None = None
 ) -> tuple[list[Job], list[GroupTable], str | None, list[str]]:
-    """Return pairs and groups of a suite, its baseline if it names one, notices of skipped files.
+    """Return the pairs and groups of a suite, its baseline or None, and notices of skipped files.
 
-    Paths are relative to the folder of the suite. Pairs are in its order, those of one pattern by
-    name.
+    Paths are relative to the folder of the suite. Pairs are in the order of the suite, and the
+    pairs of one pattern are sorted by name.
 
     Parameters
     ----------
     path : str
         The TOML file.
     known : mapping of str to bool
-        Options that the suite may set, and whether each is a flag.
+        Options that a suite may set, and whether each is a flag.
     target : Target, optional
-        Target from which the suite is read. Pairs whose files only the target has are faults.
+        Target that has the suite; pairs whose files only the target has become faults.
 
     Raises
     ------
     ConfigError
-        The suite cannot be read, has an unknown key, has no pair, or has two pairs of one name.
+        The file cannot be read, has an unknown key or no pairs, or two pairs have the same name.
     """
     content, folder = None if target is None else target.demand(path), os.path.dirname(path)
     path = path if target is None else target.name(path)
@@ -299,7 +299,7 @@ def load_suite(
 
 
 def _tables(document: Table, key: str, path: str) -> list[Table]:
-    """Check a list of tables and return it."""
+    """Return the list of tables of a key, after a check that the value is such a list."""
     tables = document.get(key, [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f"{path}: {quoted(key)} must be a list of tables; write [[{key}]]")
@@ -307,7 +307,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs; add the rules of the table to those whose names match."""
+    """Return all pairs, with the rules of the table added to the pairs that match."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -319,7 +319,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Return the rules with `own` added; a ``fail-on`` of `own` replaces the other."""
+    """Return the rules with `own` rules: these replace those of ``fail-on``, and extend others."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -327,7 +327,7 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """Return the groups of a table; each of its labels must be a label of some pair."""
+    """Return the groups of a TOML table; each label must be a label of some pair."""
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -348,12 +348,12 @@ def make_group(
     labels: Container[str],
     where: str,
 ) -> GroupTable:
-    """Make groups by a pattern.
+    """Return groups by a pattern, after checks.
 
     Raises
     ------
     ConfigError
-        The confidence is out of range, or no pair has such a label.
+        The confidence is out of range, the pattern is wrong, or a label or a rule is unknown.
     """
     if not 0.5 <= confidence < 1:
         raise ConfigError(f"{where}: confidence is {confidence}: must be from 0.5 to below 1")
@@ -378,7 +378,7 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """Yield the pair of a table, or a pair for each match of its pattern; add to the notices."""
+    """Yield the pairs of a table, one for each file of its patterns; append to the notices."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
@@ -426,12 +426,12 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Yield pairs of patterns whose ground truths or estimates only the target has."""
+    """Yield pairs with a fault for files of patterns that only the target has."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():
         own = patterns.values_of(truth, folder, path)
-        # Without fields of its own, a missing estimate is found by its ground truth.
+        # Without own fields, a lost estimate already shows as a missing file of the truth's pair.
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
