@@ -240,10 +240,12 @@ def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
     runs(0, 1, seeds=[1, 2])
     arguments = ("gate", "--suite", "suite.toml", "-q")
     said = invoke(*arguments, "--update-baseline").out
-    assert "group dense, fast, slow: 2 runs: their seeds can never support" in said
+    assert "group dense, fast, slow: with 2 runs the test can never show" in said
     runs(0.2, 2, seeds=[1, 2])
     out = " ".join(invoke(*arguments).out.split())
-    assert "within noise: 2 runs with the same seeds can show only jumps; 7 runs are needed" in out
+    assert (
+        "within noise: 2 runs with the same seeds are too few for the test; it needs 7 runs" in out
+    )
     assert "group all of {scene}: the tracker is worse than allowed" in out
 
 

@@ -384,8 +384,9 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     mark = f"because of {option('strict')}, although " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
         yield (
-            f"{mark}within noise: {runs} can show only jumps; "
-            f"{inference.needed} runs are needed, or fewer groups and rules"
+            f"{mark}within noise: {runs} are too few for the test; it needs {inference.needed} "
+            "runs, or fewer groups and rules. Only a jump (a total far above the usual spread of "
+            "its seeds) or a dead run could fail"
         )
     elif math.isinf(inference.noticeable):
         yield f"{mark}within noise: few of {runs} are worse, {p}"
