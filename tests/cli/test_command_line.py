@@ -198,7 +198,8 @@ def test_column_of_one_file_only(invoke: Run, write: Write) -> None:
     ("first", "second", "part"),
     [
         ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "--estimate-time-zone UTC"),
-        ("2024-01-01T00:00:00", "5", "--truth-time-zone UTC"),
+        ("2024-01-01T00:00:00", "1704067200", "--truth-time-zone UTC"),
+        ("2024-01-01T00:00:00", "5", "both as numbers, such as Unix seconds\n"),
         (str(2**53 + 1), "0.5", "nanoseconds (seconds * 10^9)"),
     ],
 )
@@ -213,6 +214,13 @@ def test_files_with_other_kinds_of_time(
     assert "in both files" not in err  # cannot be counted
     assert truth in err
     assert estimate in err
+
+
+def test_all_headers_that_are_missing_get_a_proposal(invoke: Run, write: Write) -> None:
+    file = write("t.csv", "id,t,x,y\na,1,2,3\n")
+    wrong = invoke(file, file, "--columns", "x=px,y=py")
+    assert "did you mean --truth-columns x=x,y=y?" in wrong.err
+    assert invoke(file, file, "--truth-columns", "x=x,y=y").status == 0
 
 
 # --- notices --------------------------------------------------------------------------------------

@@ -590,7 +590,9 @@ def test_a_pair_of_a_suite_without_limits_is_named(suite: Invoke, write: Write) 
     write("s/suite.toml", pairs[0] + "max = 'tgospa=5'\n" + pairs[1])
     answer = suite()
     assert answer.status == 2
-    assert "two: no baseline: name it with --baseline FILE; --max needs none" in answer.err
+    assert (
+        "two: no baseline: name it with --baseline FILE; --update-baseline makes one" in answer.err
+    )
 
 
 def test_patterns(invoke: Invoke, write: Write) -> None:

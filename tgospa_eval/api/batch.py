@@ -126,7 +126,7 @@ class Batch(StudyReport):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the data of jobs, one line a kind, and about the order of trackers."""
+        """Warnings about the data of jobs, a line for each kind, and about the order."""
         return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
@@ -476,7 +476,7 @@ def _within(job: Job, time: str | None) -> Job:
     Raises
     ------
     ConfigError
-        The range of time does not have frame numbers.
+        ``--time`` is not a range of frame numbers.
     """
     period = parse_time_range(time)
     if job.frames is None or period is None:
@@ -571,7 +571,8 @@ def _left_over(
 ) -> Iterator[batch_row.JobTask]:
     """Yield what is not done, and what lacks something that is requested beside its row.
 
-    A task that is done again also stores the steps of its old row, which its new row replaces.
+    If the old row of a task has steps or a curve, they are stored again, as the new row replaces
+    the old one.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -593,7 +594,7 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Return the bytes of both files: the largest jobs come first, so that none is the last."""
+    """Return the bytes of both files: the largest jobs come first, so that none ends last."""
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 

@@ -421,7 +421,8 @@ def _curves(
     if shown[1] is None and runs.over == "start":
         notes.append(
             "at no time more than half of the runs have a step: t is the time since the start of "
-            f"each run, and a run counts up to its last step; {option('over', 'stamps')} keeps the timestamps"
+            f"each run, and a run counts up to its last step; {option('over', 'stamps')} keeps the "
+            "timestamps"
         )
     elif runs.is_scattered:
         bands = f"; bands are only for up to {MAX_BANDED:,} times" if runs.many else ""

@@ -65,7 +65,7 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Check whether the folder is of this kind; readers of the log check its content."""
+        """Check whether the folder is of this kind, without the content of its log."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
@@ -180,7 +180,7 @@ def probe_folder(
     Raises
     ------
     ConfigError
-        `check_folder` fails, nothing can be written there, or only over files of other origin.
+        `check_folder` fails, the folder cannot be written, or it has files of other origin.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -216,7 +216,7 @@ def write_texts(
     Raises
     ------
     ConfigError
-        `check_folder` fails, the folder cannot be written, or only over files of other origin.
+        `check_folder` fails, the folder cannot be written, or it has files of other origin.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -468,7 +468,7 @@ def association_files(
 
 
 NO_NAME = "%20"
-"""Folder of objects without a class; quoting gives no class this name."""
+"""Folder of objects without a class; no class with a name gets this folder."""
 
 LONGEST_NAME = 200
 """Characters of a class name in the name of a folder: with a digest they fit into 255."""
@@ -533,7 +533,7 @@ def folder_name(name: str) -> str:
 
 
 def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-    """Write one proof folder: `Proof.save_proof`.
+    """Write one proof folder; the public method is `Proof.save`.
 
     Raises
     ------
@@ -679,7 +679,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield each switch, at the position of its truth or its last position before."""
+    """Yield each switch, at the position of its object or, if it is absent, its last position."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

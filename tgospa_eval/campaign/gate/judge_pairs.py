@@ -105,7 +105,11 @@ def rules_of(
     )
     relative = [rule for rule in rules if not rule.absolute]
     if not baseline and (relative or not rules) and default:
-        why = f"{relative[0].text} needs one" if relative else f"{option('limits')} needs none"
+        why = (
+            f"{relative[0].text} needs one"
+            if relative
+            else f"{option('update_baseline')} makes one, and {option('limits')} needs none"
+        )
         raise ConfigError(
             f"{gate.prefix(pair.name)}no baseline: name it with "
             f"{option('baseline', metavar='FILE')}; {why}"

@@ -15,7 +15,7 @@ METRIC = {
     "distance": "euclidean, iou, haversine, mahalanobis, ...",
 }
 READING = {
-    "columns": "state columns, and headers: x,y or id=track,x=px",
+    "columns": "columns to compare x,y; your headers id=track,x=px",
     "class": "only rows of these classes",
 }
 TOLERANCE = {"time-tolerance": "join times that differ by at most DT"}

@@ -87,10 +87,10 @@ def check_text(data: bytes, path: str) -> None:
         The file is empty, compressed or binary, or UTF-16 or UTF-32.
     """
     if not data:
+        formats = dict.fromkeys(option(name) for name in ("truth_format", "estimate_format"))
         raise InputError(
             f"{path}: the file is empty; if there are no objects, write the header alone; only "
-            f"MOTChallenge and KITTI text may be empty, with {option('truth_format')} or "
-            f"{option('estimate_format')}"
+            f"MOTChallenge and KITTI text may be empty, with {' or '.join(formats)}"
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):
