@@ -103,6 +103,20 @@ def test_a_comma_behind_the_last_field(invoke: Run, write: Write) -> None:
     assert invoke(path, path).status == 0
 
 
+def test_two_folders_of_parts_that_overlap(
+    invoke: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for side in ("a", "b"):
+        Path(side).mkdir()
+        for part, times in (("1", (0, 2)), ("2", (1, 3))):
+            rows = "".join(f"{part},{t},0,0\n" for t in times)
+            Path(side, f"{part}.csv").write_text(f"id,t,x,y\n{rows}")
+    whole = "if each folder is one recording: tgospa-eval a b --memory 4GB"
+    assert invoke("a", "b").err.splitlines()[-1] == whole
+    assert invoke(*whole.split()[-4:]).status == 0
+
+
 def test_folders_of_sequences(invoke: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("A-1", "A-2"):

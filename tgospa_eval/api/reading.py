@@ -48,6 +48,10 @@ Place = tuple[str, tuple[str, tuple[str, ...]]]
 """Message about a folder or a pattern; the folder, and the matching files below it."""
 
 
+CSV = re.compile(r".*\.csv(\.gz|\.zst)?", re.IGNORECASE).fullmatch
+"""Test for the name of a CSV file."""
+
+
 def check_places(paths: Sequence[str]) -> None:
     """Check that the truth, and the estimate if there is one, can be files.
 
@@ -63,7 +67,7 @@ def check_places(paths: Sequence[str]) -> None:
             for path, place in zip(paths, places, strict=True)
             if place is not None or not (path == STDIN or os.path.lexists(file_of(path)))
         ]
-        raise InputError(*messages, *_advice(paths, places))
+        raise InputError(*messages, *_advice(paths, places), *_whole(paths, places))
 
 
 def find_place(path: str) -> Place | None:
@@ -147,6 +151,17 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         yield f"for all: tgospa-eval batch --layout {layout} {folders} -o results"
     elif len(names) > 1:
         yield from _all(names, *best)
+
+
+def _whole(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
+    """Yield the command that reads two folders of CSV files as one recording each."""
+    inside = [
+        place[1][1] if place is not None and os.path.isdir(path) else ()
+        for path, place in zip(paths, places, strict=True)
+    ]
+    if len(paths) == len(ROLES) and all(files and all(map(CSV, files)) for files in inside):
+        folders = " ".join(map(_quoted, paths))
+        yield f"if each folder is one recording: tgospa-eval {folders} --memory 4GB"
 
 
 def _quoted(path: str) -> str:
