@@ -110,7 +110,7 @@ def test_two_folders_of_parts_that_overlap(
     for side in ("a", "b"):
         Path(side).mkdir()
         for part, times in (("1", (0, 2)), ("2", (1, 3))):
-            rows = "".join(f"{part},{t},0,0\n" for t in times)
+            rows = "".join(f"{part},{t},{t},{t}\n" for t in times)
             Path(side, f"{part}.csv").write_text(f"id,t,x,y\n{rows}")
     whole = "if each folder is one recording: tgospa-eval a b --memory 4GB"
     assert invoke("a", "b").err.splitlines()[-1] == whole

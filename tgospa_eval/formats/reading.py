@@ -233,7 +233,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
     warning = Notice(
         code="no-place",
         text=f"{fault}, as of an unknown position",
-        remedy=f"name the columns of places, {option('columns', 'x=HEADER,y=HEADER')}",
+        remedy=f"name the columns of positions, {option('columns', 'x=HEADER,y=HEADER')}",
     )
     return replace(reading, warnings=(*reading.warnings, warning))
 
