@@ -384,8 +384,8 @@ def check_states(
     ConfigError
         The settings of the distance do not fit the state columns.
         InputError
-            The distance needs other columns or does not compare states of this kind, or a state is
-            out of range.
+        The distance needs other columns or does not compare states of this kind, or a state is
+        out of range.
     """
     _check_kinds((truth, estimate), distance, names)
     for side, name in zip((truth, estimate), names, strict=True):

@@ -210,7 +210,7 @@ def reduce_cloud(
     ------
     ConfigError
         As for `cloud_wasserstein`; a setting is invalid; or POT, which ``"atl"``, `polish` and
-            `restarts` need, is not installed.
+        `restarts` need, is not installed.
 
     Notes
     -----

@@ -185,7 +185,7 @@ def resample_cloud(
     ------
     ConfigError
         As for `cloud_wasserstein`; or the method is unknown, the size is below 1, or an offset is
-            outside [0, 1].
+        outside [0, 1].
 
     Notes
     -----
@@ -281,7 +281,7 @@ def cloud_wasserstein(
         q, the power of the distances of particles in the sum.
     covariance : (d, d) array-like, optional
         Covariance of the Mahalanobis distance of particles, which is used instead of the Euclidean
-            distance. Distances of several pairs are a metric only with the same covariance for all.
+        distance. Distances of several pairs are a metric only with the same covariance for all.
 
     Returns
     -------
@@ -332,7 +332,7 @@ def transport_plan(
     -------
     (N, M) array
         Entry (i, j) is the mass that moves from particle i of the first cloud to particle j of the
-            second. Sums of rows and of columns are the normalised weights.
+        second. Sums of rows and of columns are the normalised weights.
 
     Raises
     ------
@@ -370,8 +370,7 @@ def cross_covariance(
     -------
     (d, d) array
         Covariance; its rows are components of the first cloud. If several plans are optimal, only
-        its
-            trace is determined.
+        its trace is determined.
 
     Raises
     ------

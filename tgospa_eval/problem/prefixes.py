@@ -316,7 +316,7 @@ class PrefixBounds:
         Events of the rows at the prices.
     total : (C,) float array
         Unassigned prices of all objects less those of the cheapest pairs, plus these pairs'
-            costs.
+        costs.
     size : (C,) float array
         Sum of the absolute values of the terms of `total` that were added with rounding.
     paid : (C,) float array

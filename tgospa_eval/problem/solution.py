@@ -36,12 +36,12 @@ class Solution:
         False if a limit or a failure stopped the solver early.
     history : tuple of dict
         Convergence, one record per check.
-        disposable : bool
-            Whether the receiver of the solution may overwrite its weights.
-        missing : (B,) bool array
-            Blocks that are not known to be solved.
-        reduced : tuple of Reduced
-            Blocks for which prices at a smaller cutoff prove more.
+    disposable : bool
+        Whether the receiver of the solution may overwrite its weights.
+    missing : (B,) bool array
+        Blocks that are not known to be solved.
+    reduced : tuple of Reduced
+        Blocks for which prices at a smaller cutoff prove more.
     """
 
     weights: Floats
@@ -73,12 +73,12 @@ class Reduced:
     ----------
     states : States
         The problem of these blocks at the smaller cutoff, from `problem.certificate`.
-        blocks : (B,) bool array
-            Mask of these blocks in the whole problem.
-        scale : float
-            Ratio of c^p at the smaller cutoff to that of the whole problem; a power of 2.
-        solution : Solution
-            Solution of `states`.
+    blocks : (B,) bool array
+        Mask of these blocks in the whole problem.
+    scale : float
+        Ratio of c^p at the smaller cutoff to that of the whole problem; a power of 2.
+    solution : Solution
+        Solution of `states`.
     """
 
     states: States

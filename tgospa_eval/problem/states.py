@@ -217,8 +217,8 @@ class States:
         First step of each state.
     entry : (S,) int array
         Entry of the problem that the gain comes from, -1 for a run without gain.
-        columns : Slots
-            Constraints of the columns; `rows` are made at their first use.
+    columns : Slots
+        Constraints of the columns; `rows` are made at their first use.
     node_block : (nodes,) int array
         Block of each node.
     block_begin, block_end : (B,) int arrays

@@ -328,7 +328,7 @@ class Answer:
         Seconds by kind of work.
     history : tuple of dict
         Convergence, one record per check: ``sweep``, ``epsilon``, ``violation``, and the costs
-            ``lower`` and ``upper`` of the blocks, less the cost of leaving all objects unassigned.
+        ``lower`` and ``upper`` of the blocks, less the cost of leaving all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """

@@ -38,8 +38,8 @@ class Certified(BatchSolver):
         Relative gap of the total that counts as exact.
     time_limit : float, optional
         Seconds; the solution reached by then is returned, with proven bounds.
-        jobs : int, optional
-            Number of threads; all cores by default. The result does not depend on it.
+    jobs : int, optional
+        Number of threads; all cores by default. The result does not depend on it.
 
     Raises
     ------

@@ -37,8 +37,8 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     -------
     states : States
         The rows and columns that the free states touch, with all their states from the step before
-            the first free state to the step after the last. Column slots of other nodes have no
-            meaning.
+        the first free state to the step after the last. Column slots of other nodes have no
+        meaning.
     state : (S',) int array
         Place of each state of the part in the whole.
     free : (F,) int array

@@ -394,7 +394,7 @@ class Proposal:
         Whether the simplex method would have taken too long.
     vertex : tuple, optional
         Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
-            (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
+        (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
     """
 
     weights: Floats

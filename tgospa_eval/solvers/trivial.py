@@ -80,8 +80,8 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
         The reduced problem.
     value : (S,) float array
         Gain less price of each state.
-        preference : (S,) float array
-            The state with the larger preference wins if two rows claim a column slot.
+    preference : (S,) float array
+        The state with the larger preference wins if two rows claim a column slot.
     """
     value = value.copy()
     for _ in range(ROUNDINGS):
