@@ -79,6 +79,19 @@ def test_docstrings_stand_without_the_name_before_them() -> None:
     assert found == set()
 
 
+def test_sections_of_docstrings_are_indented_as_sphinx_reads_them() -> None:
+    """A parameter one level too deep becomes part of the text of the one before it."""
+    found = []
+    for file, (_, tree) in sources().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                body = re.split(r"^(\w[\w ]*)\n-{3,}$", ast.get_docstring(node) or "", flags=re.M)
+                for text in body[2::2] if "Examples" not in body else ():
+                    deep = re.findall(r"^(?: {5,}.*| {4}\w+(?:, \w+)* : .*)$", text, re.M)
+                    found += [f"{file}: {line.strip()}" for line in deep]
+    assert found == []
+
+
 RETIRED_IN_TEXT = r"\b(contest|contested|hubs?|laws?|made-up|rough bounds?)\b"
 
 PAGES = [
