@@ -389,7 +389,7 @@ def test_options_of_one_side_lead_on(invoke: Any) -> None:
     assert 'line 4, column "lat": 91 must be from -90 to 90; --on-invalid drop leaves' in answer.err
     metric += ("--on-invalid", "drop")
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
-    assert "--truth-time-zone UTC, or another" in answer.err
+    assert "--truth-time-zone UTC or another" in answer.err
     answer = invoke("ais.csv", "radar.csv", *metric, "--truth-time-zone", "UTC")
     assert (answer.status, "1 ground-truth object, 1 estimate, 2 steps" in answer.out) == (0, True)
 
