@@ -346,9 +346,9 @@ class PersistentPool:
         self._stack.__exit__(kind, error, trace)
 
     def close(self) -> None:
-        """End the workers; the caller does the remaining jobs itself."""
+        """End the workers; others begin when the pool is opened again."""
         self._stack.close()
-        self._pool, self.patience = None, math.inf
+        self._pool = None
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)

@@ -168,7 +168,7 @@ def evaluate_partitioned(
         here = isinstance(engine, Processes) and small
         pool = PersistentPool(engine, share.jobs, BEFORE_WORKERS if here else 0.0)
     with pool as workers:
-        run = partial(run_tasks, engine=workers)
+        run: Run = partial(run_tasks, engine=workers)
         with stopwatch.span("read"):
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
@@ -205,6 +205,7 @@ def evaluate_partitioned(
         evaluated = evaluate_parts(plan, blocks, work, share, stages)
         if not share.tables:
             stages.end_workers()
+            run = run_tasks
         with stopwatch.span("report"):
             result = _result(
                 known, axis, grid, plan, evaluated, blocks, stopwatch, work, run, assignments=kept
