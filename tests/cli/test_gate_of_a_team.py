@@ -240,7 +240,7 @@ def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
     runs(0, 1, seeds=[1, 2])
     arguments = ("gate", "--suite", "suite.toml", "-q")
     said = invoke(*arguments, "--update-baseline").out
-    assert "group dense, fast, slow: with 2 runs the test can never show" in said
+    assert "group dense (2), fast (2), slow (2): with so few runs the test can never show" in said
     runs(0.2, 2, seeds=[1, 2])
     out = " ".join(invoke(*arguments).out.split())
     assert (

@@ -307,7 +307,7 @@ def test_more_nights_see_smaller_changes(gate: Invoke) -> None:
 def test_an_update_says_how_many_seeds_are_needed(gate: Invoke) -> None:
     answer = gate("--update-baseline", "--format", "json")
     (said,) = json.loads(answer.out)["notices"]
-    assert "group a, b, c: with 6 runs the test can never show" in said
+    assert "group a (6), b (6), c (6): with so few runs the test can never show" in said
     assert "10 runs are needed, or further nights with --add" in said
     runs(0, seeds=range(1, 11))
     assert "notices" not in json.loads(gate("--update-baseline", "--format", "json").out)

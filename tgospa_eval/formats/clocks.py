@@ -10,9 +10,9 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, plain
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import EARLIEST, LATEST, Coded, TimeError, Times
+from tgospa_eval.formats.fields import Coded, TimeError, Times
 from tgospa_eval.quoting import option, quoted
-from tgospa_eval.tracks.conversion import SECOND, TIME_UNITS, iso
+from tgospa_eval.tracks.conversion import EARLIEST, LATEST, SECOND, TIME_UNITS, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 EPOCHS = ("s", "ms", "us", "ns")

@@ -12,7 +12,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.quoting import option, quoted
-from tgospa_eval.tracks.conversion import SECOND, iso
+from tgospa_eval.tracks.conversion import EARLIEST, LATEST, SECOND, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Values
 
 MISSING = frozenset(
@@ -104,9 +104,6 @@ def attribute_of(column: Coded, decimal: str = ".") -> Values:
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
 """Bound below which every integer is a double."""
-
-EARLIEST, LATEST = 10**8, 4 * 10**9
-"""Range of numbers that may be guessed to be seconds since 1970: 1973 to 2096."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

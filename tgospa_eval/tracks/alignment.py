@@ -18,7 +18,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.quoting import option, quoted
-from tgospa_eval.tracks.conversion import SECOND, Duration, Steps
+from tgospa_eval.tracks.conversion import EARLIEST, SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
 GRIDS = ("union", "truth", "estimate", "common")
@@ -369,10 +369,6 @@ def within(difference: Times, tolerance: float, sides: tuple[Times, Times], cloc
     return np.asarray(difference <= tolerance + _spacing(*sides))
 
 
-MIN_EPOCH = 1e8
-"""Smallest number that may be a time since 1970, in any unit."""
-
-
 def comparable(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Times, Times]:
@@ -392,7 +388,7 @@ def comparable(
             )
             if theirs.clock == "zoned":
                 remedy = zone
-            elif abs(float(theirs.times[0])) >= MIN_EPOCH:
+            elif abs(float(theirs.times[0])) >= EARLIEST:
                 remedy += f"; or, if the numbers count from 1970, {zone}"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "

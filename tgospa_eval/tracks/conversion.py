@@ -22,6 +22,9 @@ from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, TimeArray, Trajector
 SECOND = 1_000_000_000
 """Nanoseconds of a second; ISO times are stored in nanoseconds."""
 
+EARLIEST, LATEST = 10**8, 4 * 10**9
+"""Range of numbers that may be guessed to be seconds since 1970: 1973 to 2096."""
+
 TIME_UNITS = {
     "ns": 1,
     "us": 10**3,

@@ -305,8 +305,9 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
         few = sorted((name for name in runs if runs[name] < needed), key=natural)
         if few and len(scenes) < sum(runs.values()):
             notes.append(
-                f"group {listed(few, SHOWN)}: with {min(runs[name] for name in few)} runs the test "
-                f"can never show that this group alone is worse: {needed} runs are needed, {more}. "
+                f"group {listed([f'{name} ({runs[name]})' for name in few], SHOWN)}: with so few "
+                f"runs the test can never show that one group alone is worse: {needed} runs are "
+                f"needed, {more}. "
                 "Jumps above the limit (totals far above the usual spread of seeds) and dead runs "
                 "still fail"
             )

@@ -189,7 +189,8 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
-        f"{matching.gaps[0].text}, together {number(float(lengths.sum()), 4)} long, of id {ids}"
+        f"{matching.gaps[0].text}, {'together ' * (len(lengths) > 1)}"
+        f"{number(float(lengths.sum()), 4)} long, of id {ids}"
     )
     if not states:
         return [Notice(text=text)]
