@@ -219,8 +219,8 @@ class Request(Values):
     max_gap: str | None = _files(
         "--max-gap DT[,DT]",
         "The longest time between two states of a track to interpolate across. With --resample a "
-        "second value, as in 200s,10s, is the longest time between two consecutive reports of an "
-        "estimate.",
+        "second value, as in 200s,10s, is the longest time between two reports of an estimate that "
+        "belong to one run; across a longer gap a report holds for half a period only.",
     )
     resample: str | None = _files(
         "--resample S",
