@@ -383,7 +383,7 @@ def check_states(
     ------
     ConfigError
         The settings of the distance do not fit the state columns.
-        InputError
+    InputError
         The distance needs other columns or does not compare states of this kind, or a state is
         out of range.
     """

@@ -425,17 +425,17 @@ cdef class Brackets:
     ----------
     layout : Layout
         The blocks, and which of them are open.
-        weights, prices : (S,), (K,) float arrays
-            Arrays for the best weights and prices.
-        rounding : float
-            Error of a sum of prices along a path, as a fraction of the sum of all prices.
+    weights, prices : (S,), (K,) float arrays
+        Arrays for the best weights and prices.
+    rounding : float
+        Error of a sum of prices along a path, as a fraction of the sum of all prices.
 
     Attributes
     ----------
     dual, primal : (B,), (B,) float arrays
         Upper bound of the gain of each block by the prices, and gain of the assignment.
     most : (B,) float array
-        Gain of each block if all costs were 0; to be set by the caller.
+        Gain at which a block would cost 0: its unassigned cost less offsets; set by the caller.
     flags, chosen : (S,), (S,) uint8 arrays
         Marks of each state by the last survey, and the last chosen working set.
     best, own : (nodes,), (nodes,) float arrays
@@ -820,7 +820,8 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
         if not rivalled:
             memset(chosen + low, 0, high - low)
             continue
-        # A state is sure (2) if its row has no other chosen state, nor "none", and it has no rival.
+        # A state is sure (2) if, while it lasts, its row has no other chosen state, nor "none", and
+        # its column has no rival.
         first = begin[low]
         active = 0
         group = 0

@@ -29,7 +29,8 @@ PART = 1 << 19
 """States of a part, where arrays as long as all states would need too much memory."""
 
 CROWD, FULL_SUM = 4000, 1 << 61
-"""Up to CROWD pairs of a node sum to less than FULL_SUM, because weights are below 2^50."""
+"""Sums of up to CROWD pairs of a node fit into 64 bits, because weights are below 2^50. For nodes
+with more pairs, sums above FULL_SUM are replaced by FULL_SUM."""
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:

@@ -254,8 +254,9 @@ class Ascent:
     def near(self, also: Mask) -> Mask:
         """Return the states that a programme may have to decide, after `mark`, (S,).
 
-        These are the states within its reach, the states in use and those in `also`. A state is
-        decided if it is in use and NEEDED, and its row has no other such state at its steps.
+        These are the states within its reach, the states in use and those in `also`, without the
+        decided states: with weight 1, NEEDED, and without another near state of their row at their
+        steps.
         """
         rows = self.states.rows
         near = self.has(kernels.NEAR)
