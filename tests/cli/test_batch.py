@@ -112,7 +112,7 @@ def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
     answer = batch(invoke, "--allow-missing")
     assert answer.status == 5
     assert answer.out.startswith("7 jobs, 1 failed")
-    assert "b/2: out/b/2.csv, line 1: no column for position" in answer.err
+    assert "tracker=b run=2: out/b/2.csv, line 1: no column for position" in answer.err
     Path("out/b/2.csv").write_text(
         Path("out/b/1.csv").read_text(encoding="utf-8"), encoding="utf-8"
     )
@@ -228,7 +228,7 @@ def test_a_report_that_cannot_be_written_is_told_and_tried_again(
     answer = batch(invoke, "--reports")
     assert answer.status == 5
     assert answer.out.startswith("4 jobs, 0 failed")  # the value is there as before
-    assert "\na/1: --output r/reports/a/1: is a file; name a folder\n" in answer.err
+    assert "\ntracker=a run=1: --output r/reports/a/1: is a file; name a folder\n" in answer.err
     assert "4 jobs of 4 done before" in batch(invoke).err  # without folders nothing is wrong
     Path("r/reports/a/1").unlink()
     answer = batch(invoke, "--reports")

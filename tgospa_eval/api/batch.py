@@ -22,7 +22,7 @@ from tgospa_eval.api.options import FLAGS, OF_EVALUATE, OPTION_SPECS, BatchOptio
 from tgospa_eval.api.report import StudyReport, as_frame
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
-from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
+from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_in_words, label_names
 from tgospa_eval.campaign.store import (
     SCHEMA,
     SETTINGS_FILE,
@@ -662,10 +662,10 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
     wrong: Sequence[Mapping[Any, Any]] = rows[rows["status"] == "failed"].to_dict("records")
     known = {row["key"] for row in wrong}
     for row in (*wrong, *(row for row in faults if row["key"] not in known)):
-        yield f"{job_name(row)}: {row['message']}"
+        yield f"{job_in_words(row)}: {row['message']}"
     if written and batch_row.NOT_WRITTEN in rows:
         for row in rows[rows[batch_row.NOT_WRITTEN].notna()].to_dict("records"):
-            yield f"{job_name(row)}: {row[batch_row.NOT_WRITTEN]}"
+            yield f"{job_in_words(row)}: {row[batch_row.NOT_WRITTEN]}"
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:
@@ -676,7 +676,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
         of_truth, of_estimate = counts.sum()
         rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
-            f"{job_name(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
+            f"{job_in_words(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
             f"{of_estimate:,} of the estimate are left out: no step that is declared has their time"
         )
 

@@ -125,6 +125,14 @@ def job_name(row: Mapping[Any, Any]) -> str:
     return " ".join(filter(None, ("/".join(labels.values()) or str(row["estimate"]), own)))
 
 
+def job_in_words(row: Mapping[Any, Any]) -> str:
+    """Return the name of a job in a message: its labels with their names, or else its estimate."""
+    labels = labels_of(row)
+    own = labels.pop("options", "")
+    named = " ".join(f"{label}={value}" for label, value in labels.items())
+    return " ".join(filter(None, (named or str(row["estimate"]), own)))
+
+
 # -------------------------------------------------------------------------------------------------
 # Checks of stored rows.
 

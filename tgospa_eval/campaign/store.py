@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.campaign.row import Row, column_fault, job_name, known_columns, part_fault
+from tgospa_eval.campaign.row import Row, column_fault, job_in_words, known_columns, part_fault
 from tgospa_eval.common import documents, files
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
@@ -188,7 +188,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         return None
     steps: pd.DataFrame = pd.concat(parts, ignore_index=True)
     for job, wrong in _contradictions(steps, wanted):
-        name = quoted(job_name(rows.loc[job]))
+        name = quoted(job_in_words(rows.loc[job]))
         raise InputError(f"{folder}: the steps of {name}: {wrong}; {ANEW}")
     return steps
 

@@ -20,7 +20,7 @@ from tgospa_eval.campaign.row import (
     STORED_SLICES,
     covariances_of,
     in_words,
-    job_name,
+    job_in_words,
     label_names,
     pair_numbers,
     shown_labels,
@@ -278,7 +278,7 @@ def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
     for row in having[having["warnings"] != "[]"].to_dict("records"):
         notices = {record["code"]: Notice(**record) for record in json.loads(row["warnings"])[::-1]}
         for code, notice in notices.items():
-            by_code.setdefault(code, []).append((job_name(row), notice))
+            by_code.setdefault(code, []).append((job_in_words(row), notice))
     for jobs in by_code.values():
         name, notice = jobs[0]
         rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"

@@ -245,7 +245,7 @@ def rows(
         "continuity": words(
             ("longest run {}", n["longest_stretch"], steps),
             ("first followed after {}", n["time_to_first"], time),
-            ("{} between breaks", n["mean_time_between_breaks"], time),
+            ("mean time between breaks {}", n["mean_time_between_breaks"], time),
         )
         if n["longest_stretch"]
         else "",
