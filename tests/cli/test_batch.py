@@ -181,7 +181,10 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("batch", "-o", "r"), "name the jobs by --truth PATTERN --estimate PATTERN"),
+        (
+            ("batch", "-o", "r"),
+            "name the jobs by patterns such as --truth gt/{run}.csv and --estimate",
+        ),
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
         (("batch", "report"), "takes one folder: a store"),

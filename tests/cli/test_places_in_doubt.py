@@ -194,10 +194,17 @@ def test_a_batch_says_what_evaluate_warns_of(invoke: Invoke) -> None:
     patterns = ("--truth", "truth.csv", "--estimate", "{tracker}/{run}.csv")
     answer = invoke("batch", *patterns, "-c", "20", "-g", "1", "--by", "tracker", "-o", "done")
     text = " ".join(answer.out.split())
-    assert "warning: tracker=late run=1 and 1 more of 4 jobs: the clock of the estimate seems" in text
-    assert "warning: tracker=same run=1 and 1 more of 4 jobs: the estimate has exactly the states" in text
+    assert (
+        "warning: tracker=late run=1 and 1 more of 4 jobs: the clock of the estimate seems" in text
+    )
+    assert (
+        "warning: tracker=same run=1 and 1 more of 4 jobs: the estimate has exactly the states"
+        in text
+    )
     page = Path("done/report.html").read_text(encoding="utf-8")
-    assert "<strong>Warning:</strong> <bdi>tracker=late run=1 and 1 more of 4 jobs: the clock" in page
+    assert (
+        "<strong>Warning:</strong> <bdi>tracker=late run=1 and 1 more of 4 jobs: the clock" in page
+    )
     with pytest.warns(TgospaWarning, match="tracker=late run=1 and 1 more"):
         done = batch(truth="truth.csv", estimate="{tracker}/{run}.csv", output="again", cutoff=20.0)
     assert len(done.warnings) == 2

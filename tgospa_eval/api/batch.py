@@ -465,8 +465,9 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
         keys = {key for key, is_flag in FLAGS.items() if not is_flag}
         return pairs.of_manifest(paths[0], keys | {key.replace("-", "_") for key in keys})
     raise ConfigError(
-        f"name the jobs by {option('truth')} PATTERN {option('estimate')} PATTERN, by a manifest, "
-        f"or by {option('layout', metavar='NAME')} GT TRACKERS"
+        f"name the jobs by patterns such as {option('truth', 'gt/{run}.csv')} and "
+        f"{option('estimate', 'out/{run}.csv')}, by a manifest, or by "
+        f"{option('layout', metavar='NAME')} and the folders of the truth and of the trackers"
     )
 
 
