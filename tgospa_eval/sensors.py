@@ -55,8 +55,8 @@ class Pairing:
 
     Parameters
     ----------
-    Both sides, on the same times.
-        The sides, on the same times.
+    first, second : Trajectories
+        Both sides, on the same times.
     pairs : Pairs
         Pairs of rows at the same step, nearer than the cutoff, or all pairs if requested.
     mean_distances : (N,) float array

@@ -136,7 +136,7 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Return field values of the truths, the estimates with their values, and skipped files.
+    """Return field values of truths, estimates with their values, and notices of skipped files.
 
     The arguments are those of `of_patterns`. A truth pattern without fields has one empty value.
     """

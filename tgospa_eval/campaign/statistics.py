@@ -83,7 +83,7 @@ def intervals(
 FEW_EVENTS = 10
 """Number of runs with a cost below which intervals use their share instead of the jackknife.
 
-The jackknife cannot estimate the spread of so few costs.
+They do not if all runs have a cost. The jackknife cannot estimate the spread of so few costs.
 """
 
 
@@ -291,7 +291,10 @@ def permutations_of(pairs: int) -> int:
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """Return p values adjusted for their number (Holm 1979), with optional weights."""
+    """Return p values adjusted for their number (Holm 1979), in the given order.
+
+    `weights` are optional.
+    """
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
     left = np.cumsum(shares[order][::-1])[::-1]

@@ -98,8 +98,8 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the steps of a job as columns of its row, if they are requested.
 
     The columns are the times as they were read, the number of steps of the horizon up to each step,
-    and costs in state units to the power p. Then the value of the steps up to each step and its
-    bounds, as in `Result.curve`; NaN if the curve was not requested.
+    and costs in state units to the power p. Then the value of an evaluation of only the steps up to
+    each step, and its bounds, as in `Result.curve`; NaN if the curve was not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -262,7 +262,10 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
 
 
 def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
-    """Take the locks: shared locks on POSIX, and locks of byte ranges on Windows."""
+    """Take the locks of the folder and of the shard.
+
+    On POSIX several shards share the lock of the folder. On Windows they lock byte ranges.
+    """
     number, count = shard
 
     def opened(name: str) -> Any:

@@ -307,8 +307,9 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # -------------------------------------------------------------------------------------------------
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
-# Every run of a group counts at each time, with cost 0 where it has no step. If at most half of the
-# runs have a time in common, or a clock is requested, a run counts from its first to its last step.
+# Every run of a group counts at each time, with cost 0 where it has no step. If at no time more
+# than half of the runs are between their first and their last step, or if a clock is requested, a
+# run counts from its first to its last step.
 # Sums over time and over runs are computed from left to right, with runs in the order of the jobs.
 # Powers are those of Python. A script that adds up single results therefore gets the same doubles.
 
@@ -359,7 +360,8 @@ def rms_curves(
         Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
         Time axis: time since the start of each run, or timestamps. The default is timestamps, or
-        time since the start if at most half of the runs of a group have a time in common.
+        time since the start if at no time more than half of the runs of a group are between their
+        first and their last step.
     """
     if steps is None:
         return [], []

@@ -214,7 +214,7 @@ class Ignoring:
         return marked(truth, inside(self.regions, truth, tolerance, name))
 
     def messages(self, *, ignored: bool, excused: bool) -> Iterator[str]:
-        """Yield messages if all states of the truth count, or all states of the estimate."""
+        """Yield a message if regions excuse no estimate, and one if rules match no state."""
         if self.regions is not None and not excused:
             what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
             yield f"{self.regions.name}: {what}"
@@ -224,7 +224,7 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Return the estimate with rows marked in a region, or at times without truth."""
+        """Return the estimate with marks on rows in a region, or at no time of the truth."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)

@@ -33,7 +33,8 @@ worker without the memory that it shares with ``main``. ``report`` is that of da
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
 """Bytes of each row that is read, bytes of each near pair of a component, factor for pictures.
 
-The first estimate and data in parts use them; the factor applies to both."""
+The first estimate uses the bytes of a row, and the factor if there are pictures. Data in parts use
+the bytes of a near pair."""
 
 BYTES_COMPARED = 40, 280
 """Bytes of each row and of each near pair until the problem is solved, with known near pairs."""
@@ -82,7 +83,7 @@ class Share:
     single : int
         Bytes of data of one process while it is the only one.
     fixed : int
-        Bytes of all processes in addition to these data.
+        Bytes of the main process and of those that manage workers, without data.
     tables : bool
         Whether there is memory for processes that write tables.
     entry : int

@@ -377,7 +377,8 @@ def _sum_of_brackets(parts: list[B | None]) -> B | None:
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
     """Return the record of a file, with the rows left out and a digest of its classes."""
-    # Counts of the whole file are left out, because each class has its own digest.
+    # Classes without rows in this file are left out of its digest, so that the digest of the truth
+    # does not depend on the classes of the estimate.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())

@@ -87,8 +87,9 @@ class MeasuredSides(ComparedSides):
         Truth and estimate, aligned and prepared.
     distance : Distance
         Base distance, prepared.
-    Callable that returns rows and digest of either side, and the data on which a value is
-    evaluated. Trials of repairs need neither.
+    recorded : callable
+        Function that returns rows and digest of either side, and the data on which a value is
+        evaluated. Trials of repairs need neither.
     step_weights : pair of float arrays, optional
         Weights of each step.
     existence : pair of (R,) float arrays, optional
@@ -205,7 +206,11 @@ class NearPairs:
         cutoff: float,
         resources: Resources,
     ) -> "NearPairs":
-        """Return both sides as they are compared, and their pairs within this cutoff."""
+        """Return both sides as they are compared, and all pairs that matter at this cutoff.
+
+        With ignored states, pairs beyond the cutoff matter too: those within its margin, or within
+        the reach of a true state in a gap.
+        """
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
             aligned.truth.reduced_to(distance.kinds),
@@ -390,7 +395,10 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """Return the distance beyond the cutoff within which each true state may be followed."""
+    """Return the distance beyond the cutoff within which each true state may be followed.
+
+    None if no state may be followed beyond the cutoff.
+    """
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
     if not speed or AWAY not in truth.attributes:  # nothing was interpolated
         return None

@@ -7,9 +7,9 @@ out other estimates that are small or in a region `DontCare`, where one region h
 the estimate's area. Rules and order of steps are those of TrackEval; the order of rows in the file
 decides between equal sums, as in TrackEval.
 
-VisDrone leaves out, on both sides, boxes with half of their area or more in ignored regions, all
-boxes of a step together. This is dropObjects of its toolkit without the edge of the image, which is
-in no file. UA-DETRAC uses the same rule.
+VisDrone leaves out, on both sides, each box with half of its area or more in the ignored regions of
+its step, where all regions of the step count together. This is dropObjects of its toolkit without
+the edge of the image, which is in no file. UA-DETRAC uses the same rule.
 
 ``:ignore`` marks rows instead of leaving them out by a matching that no metric uses: true objects
 that are not evaluated are ignored, and estimates that are small or in a region are excused.
@@ -223,7 +223,10 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRole
 
 
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
-    """Return roles by the rule of UA-DETRAC in whole pixels; regions grow by one pixel."""
+    """Return roles by the rule of UA-DETRAC, in whole pixels.
+
+    Regions begin one pixel before their left and top edges; their other edges stay.
+    """
     wider = np.array([-1.0, -1.0, 1.0, 1.0])
     regions = truth.regions and replace(
         truth.regions,

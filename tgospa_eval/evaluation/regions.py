@@ -139,7 +139,8 @@ def inside(
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        Share that must be exceeded in a single region, instead of a half in all regions.
+        Share that must be exceeded in a single region, instead of at least a half in all regions
+        of the step together.
 
     Raises
     ------

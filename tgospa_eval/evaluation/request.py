@@ -80,7 +80,7 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Check that timestamps of this kind are in seconds, if windows are stretches of time.
+        """Check that timestamps have a known unit of time, if windows are stretches of time.
 
         Raises
         ------
@@ -189,7 +189,8 @@ class EvaluationRequest:
     with_ : sequence of str
         Other metrics, from `OTHER_METRICS` without NEES.
     nees : bool
-        Whether NEES is requested, where the distance compares points.
+        Whether NEES is requested. Without a request it is computed only if the distance compares
+        covariances or particles.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str

@@ -132,7 +132,10 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """Return states on paths that are best within reach, and states that no such path avoids."""
+    """Return the states on paths that are best within reach, and those that begin without "none".
+
+    At the begin of the second kind of state no such path is in "none".
+    """
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach

@@ -320,7 +320,10 @@ def explain(
 
 
 def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
-    """Return the conversion from the units of the estimate, which scales only times in numbers."""
+    """Return the conversion from the units of the estimate.
+
+    It scales times only if they are plain numbers.
+    """
     scaled = estimate.clock == "number"
     return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
 

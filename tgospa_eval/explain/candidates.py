@@ -653,7 +653,10 @@ def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Ca
 
 
 def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """Yield the shift of the whole estimate, one of `SHIFTS`, with the largest estimated saving."""
+    """Yield the shift of the whole estimate with the largest estimated saving.
+
+    Shifts are by one of `SHIFTS` steps, in either direction.
+    """
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     row = row[:: -(-len(row) // SAMPLED_PAIRS) or 1]

@@ -219,7 +219,7 @@ class Evaluation(ABC):
 
     @property
     def localisation_spread(self) -> float | None:
-        """Part of localisation by differences of covariances; None without such a part."""
+        """Part of localisation by differences of covariances; None as `localisation_mean`."""
         return (self.split or {}).get("localisation_spread")
 
     @property
@@ -434,7 +434,10 @@ class Evaluation(ABC):
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
-        """Return the `count` costliest steps, true objects and estimates, without zero costs."""
+        """Return the `count` costliest steps, true objects and estimates, the costliest first.
+
+        Those with cost 0 are left out.
+        """
         per_step = self.table("per_step")
         answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind in (("truth", "missed"), ("estimates", "false")):

@@ -84,7 +84,7 @@ class Gradient:
     def table(self) -> "pd.DataFrame":
         """Table of the derivative of ``total``: ``id``, ``t`` and a column for each state column.
 
-        Each state has a row; each particle of a cloud has a row.
+        Each state has a row. If the states are clouds, each particle has a row instead.
         """
         import pandas as pd  # lazy: slow to import, and not needed for the computation
 

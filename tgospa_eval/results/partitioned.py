@@ -152,7 +152,9 @@ def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
 
 
 MAX_RECORDS = 100_000
-"""Largest number of steps or switches with a record each in the JSON document."""
+"""Largest number of steps, or of switches, with a record each in the JSON document.
+
+If there are more, the document only names the table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

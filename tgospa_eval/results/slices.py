@@ -88,7 +88,7 @@ OLDER_NUMBERS = SLICE_NUMBERS[:-2]
 """Names of the numbers that older results have as well."""
 
 RATIOS = ("detection_rate", "rmse")
-"""Names of derived numbers, which are undefined without an assigned state."""
+"""Names of derived numbers: the first needs a state of the truth, the second an assigned state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -88,7 +88,8 @@ class TrackedShares:
     Parameters
     ----------
     lost, tracked : float
-        Share below which an object is mostly lost, and share from which it is mostly tracked.
+        Share below which an object is mostly lost, and share from which it is mostly tracked, with
+        0 <= lost <= tracked <= 1.
 
     Raises
     ------

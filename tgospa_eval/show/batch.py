@@ -41,7 +41,8 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "growing": "evaluated up to t",
 }
 """Kinds of curves by their costs under the root mean square: costs of the step at t; their sum up
-to t divided by the number of steps up to t; the same from an evaluation of these steps alone."""
+to t divided by the number of steps of the horizon up to t; the same from an evaluation of these
+steps alone."""
 
 LINE_NAMES = {
     "total": "RMS-TGOSPA",
@@ -76,7 +77,7 @@ POINT_COLUMNS = (
 """Columns of a table with a row for each time."""
 
 KIND_COLUMN = "curve"
-"""First column of a table with several curves."""
+"""Column between the labels and `POINT_COLUMNS` in a table with several curves."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
 """Lower and upper ends; None if too few runs count."""
@@ -208,7 +209,7 @@ Places = tuple[int, int]
 """Best and worst possible place, counted from 1."""
 
 MAX_LINES = 6
-"""Largest number of groups with curves."""
+"""Largest number of groups whose curves are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)

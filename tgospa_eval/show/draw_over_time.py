@@ -89,7 +89,7 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def draw_nees(data: PlotData, style: Style) -> Figure | None:
-    """Draw the NEES of each step with its band, and below it the ranks among particles."""
+    """Draw the NEES of each step with its band, and for particles the ranks of the truth."""
     nees = data.document.get("nees")
     if nees is None:
         return None

@@ -40,7 +40,7 @@ CORNERS = 48
 """Corners of an ellipse."""
 
 SPACING = 2.0
-"""Distance between two shapes of a trajectory, relative to the size of the first."""
+"""Distance between two shapes of a trajectory, relative to the size of the larger one."""
 
 STEPS = 2
 """Number of steps before and after the farthest pair in the enlarged part."""
@@ -102,7 +102,7 @@ class Plane:
     def extents(self) -> dict[str, Floats]:
         """Extent of the shape around each state by side, 0 without a shape.
 
-        Boxes have extents only along their edges and along their centres.
+        Boxes have extents only if the axes are left and top, or centre x and centre y.
         """
         data = self.data
         if not data.document["boxes"]:
@@ -196,7 +196,10 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """Return states with shapes, at intervals along the trajectories if these are few."""
+    """Return states with shapes, at intervals along the trajectories.
+
+    There are none if there are more than `FEW` trajectories.
+    """
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
         row = plane.around(side) if sum(len(s.ids) for s in plane.data.sides) <= FEW else NO_ROWS
@@ -248,7 +251,7 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
-    """Return the first row of each track, and each next row outside the reach of the last one."""
+    """Return the first row of each track, and each next row farther away than both reaches."""
     kept = []
     last = -1
     for k in range(len(track)):
@@ -275,7 +278,7 @@ COVERED = 0.08
 """Largest share of the picture that marks of one kind cover, so that they stay distinct."""
 
 MANY_TRACKS = 100
-"""Number of trajectories above which lines are thinner and fainter, so that marks stand out."""
+"""Number of trajectories above which lines are fainter, so that marks stand out."""
 
 FADED = 0.35
 """Opacity of lines in a picture with an enlarged part."""

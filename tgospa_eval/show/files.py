@@ -148,7 +148,7 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     ------
     ConfigError
         The path is a file or looks like the name of a file. Or, without `force`, the folder holds
-        files that are not from an earlier run of this kind.
+        files and is not a folder of this kind.
     """
     subject = subject or option("output")
     if not folder:
@@ -471,7 +471,7 @@ NO_NAME = "%20"
 """Folder of objects without a class; no class with a name gets this folder."""
 
 LONGEST_NAME = 200
-"""Characters of a class name in the name of a folder: with a digest they fit into 255."""
+"""Largest number of characters of a quoted name in a file name: with a digest they fit into 255."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
-A lane is a trajectory. Its runs are stretches of steps with the same partner or without one.
+A lane is a trajectory. Its runs are stretches of consecutive steps on which it exists, with the
+same partner or without one.
 Rows are its states; if there are very many, some are left out, but no event.
 """
 
@@ -43,7 +44,7 @@ triangles of covariances, (R, 0) for points. ``cloud`` is the number of the clou
 """
 
 VALUES = 800_000
-"""Largest number of drawn coordinates; tracks with more are thinned."""
+"""Number of coordinates of both sides above which tracks are thinned; events are kept."""
 
 COARSEST = 50
 """Stride above which thinning saves little, because mostly events are left."""
@@ -421,7 +422,7 @@ def map_stretch(latitudes: Floats) -> float:
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """Return (cost / n)^(1/p) of each part of each window, where n is its number of steps."""
+    """Return (cost / n)^(1/p) of each part of each window with n steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}

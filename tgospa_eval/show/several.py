@@ -194,7 +194,7 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Check whether a run succeeded and no run contradicts another."""
+    """Check whether a run succeeded in a scene without contradictory brackets."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 

@@ -204,7 +204,7 @@ Column = tuple[str, Sequence[str], list[Interval]]
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Yield the column of a name; one without values only if it is `wanted`."""
+    """Yield the column of a name; if `wanted`, ``mean_of_roots`` without values is an error."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":

@@ -92,7 +92,8 @@ def rules_of(
     Raises
     ------
     ConfigError
-        A rule is wrong, or a rule needs a baseline and there is no baseline.
+        A rule is wrong. Or, with `default`, there is no baseline, and no rule is given or a rule
+        needs a baseline.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}

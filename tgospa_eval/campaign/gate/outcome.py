@@ -133,7 +133,7 @@ class Report:
     version : str
         Version of the program.
     again : tuple of str
-        Words of the command that accepts the failed pairs; empty without one.
+        Words of the command that accepts the outcomes, see `accepting_options`; empty without one.
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
@@ -383,10 +383,11 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
         return
     mark = f"because of {option('strict')}, although " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
+        without = f"Without {option('strict')}, o" if mark else "O"
         yield (
             f"{mark}within noise: {runs} are too few for the test; it needs {inference.needed} "
-            "runs, or fewer groups and rules. Only a jump (a total far above the usual spread of "
-            "its seeds) or a dead run could fail"
+            f"runs, or fewer groups and rules. {without}nly a jump (a total far above the usual "
+            "spread of its seeds) or a dead run could fail"
         )
     elif math.isinf(inference.noticeable):
         yield f"{mark}within noise: few of {runs} are worse, {p}"
@@ -521,7 +522,10 @@ def accepting_options(
     pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
-    """Return the options that accept the failed pairs, or the improved pairs if no pair failed."""
+    """Return the options that accept the pairs that failed or are not comparable.
+
+    If every outcome has exit status 0, return the options that accept the improved pairs.
+    """
     there = {pair.name: pair for pair in pairs}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}

@@ -67,7 +67,8 @@ def rows_of(
     """Yield a row for each rule: outcome, text, numbers, verdict, and whether it is proven.
 
     The numbers are baseline, limit and value. An update has a row for each changed value, with the
-    value before and after. An outcome without findings has a single row without numbers.
+    value before and after. An outcome that could not be judged has a single row without numbers. A
+    new pair has a row with its total. A pair that passes without findings has no row.
     """
     for outcome in report.outcomes:
         for path, change in outcome.changes.items():
@@ -131,7 +132,10 @@ MANY_ROWS = 40
 
 
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
-    """Yield the notes on pairs, each sentence once; notes of errors are on stderr only."""
+    """Yield the notes on pairs, each sentence once.
+
+    Notes of errors are left out, because they are on stderr; the other reports add them themselves.
+    """
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
         for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
@@ -461,7 +465,11 @@ PAGE = "gate.html"
 
 
 def junit(report: Report, folder: str | None = None) -> str:
-    """Return the report as a document; cases that do not pass point to their pages in `folder`."""
+    """Return the report as a document.
+
+    The first case of an outcome with a finding that does not pass points to a page in `folder`:
+    that of the outcome, or else that of all pairs.
+    """
     cases: list[str] = []
     for outcome in report.outcomes:
         messages = report.messages(*outcome.warnings)

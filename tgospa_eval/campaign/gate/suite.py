@@ -307,7 +307,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs, with the rules of the table added to the pairs that match."""
+    """Return all pairs; the rules of the pairs that match are merged with those of the table."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):

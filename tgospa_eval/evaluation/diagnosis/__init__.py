@@ -342,7 +342,8 @@ def default_notice(
 ) -> Notice:
     """Describe the used defaults in one line, together with the scale of the data.
 
-    The notice is a warning if the default cutoff is below the median distance to an estimate.
+    The notice is a warning if the default cutoff is not above the median distance to the nearest
+    estimate.
 
     Parameters
     ----------

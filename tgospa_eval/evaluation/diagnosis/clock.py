@@ -98,7 +98,7 @@ class Timeline:
     def of(cls, truth: Trajectories, own: Floats, cutoff: float, distance: Distance) -> "Timeline":
         """Sample the truth at regular times, so close that few states move far between two.
 
-        There are no samples without typical motion.
+        There are no samples if no track has two states, or if the timestamps do not increase.
 
         Parameters
         ----------
@@ -500,7 +500,10 @@ class Search:
         return Fit(shift, costs)
 
     def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
-        """Return errors of pairs before any correction, and velocities of their objects (N, d)."""
+        """Return the errors of pairs, and the velocities of their objects (N, d).
+
+        Estimates have the shift in time of the fit, and their states as they were read.
+        """
         wanted = self.timestamps[1][self.steps] + fit.shift
         half = self.timeline.spacing / 2
         at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
