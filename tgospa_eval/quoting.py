@@ -53,7 +53,7 @@ def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
 
 
 def ending(text: str, width: int) -> str:
-    """Return the visible end of the text, where names and paths differ, with dots for the rest."""
+    """Return the end of the text, where names and paths differ, with dots for the rest."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 

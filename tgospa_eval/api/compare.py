@@ -279,7 +279,7 @@ def compare(
     cutoff, order, switch_penalty, mapping
         Parameters of `evaluate`, like all other options.
     solvers : sequence of str or solver record
-        Solvers to compare on one estimate.
+        Solvers to compare on one estimate, one after the other.
 
     Returns
     -------
@@ -460,8 +460,8 @@ def ranked(
     Returns
     -------
     tuple
-        The document and the entrants. After an interruption they have the finished runs, or the
-        finished estimates of the first run.
+        The document and the entrants. After an interruption they have the runs with all estimates,
+        or the estimates of the first run that were begun.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}

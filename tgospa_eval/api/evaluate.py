@@ -178,8 +178,8 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable that prints each message, from the command line. Then messages and errors name
-        options (``--cutoff``), otherwise keywords (``cutoff``).
+        Callable that receives each notice, from the command line. Then a folder or a pattern is
+        refused with a command that reads it.
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors.
     known : dict, optional

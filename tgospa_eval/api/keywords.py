@@ -18,7 +18,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 OF_THE_COMMAND = ("memory", "scheduler", "explain")
-"""Fields of a request without a keyword in Python."""
+"""Fields of a request that `with_options` does not add as keywords.
+
+Some functions declare `memory` and `scheduler` themselves, and results have `explain`."""
 
 KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
 """Names of fields by those of their options."""

@@ -413,7 +413,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """Return options that read the rows of all classes, including rows that a flag omits."""
+        """Read the rows of all classes, including rows that a flag omits."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 

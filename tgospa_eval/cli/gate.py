@@ -189,7 +189,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """Return the report for stdout; a table fits the width of the terminal."""
+    """Return the report for stdout; a table is as wide as the terminal, and at least `WIDTH`."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.table_text import WIDTH
 

@@ -22,8 +22,9 @@ NOT_OF_THE_TABLES = (
     *("cutoff", "order", "switch_penalty", "rho", "distance", "unit"),
     *("solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
-"""Options of the metric, of the solver and of the distance. All other options that a proof records
-describe the reading of files, and are named in the output."""
+"""Options of the metric and of the solver. The other options of the distance are in
+`verify_tgospa.EXTRAS`. All other options that a proof records describe the reading of files, and
+are named in the output."""
 
 
 NAMED = ("ignore_regions", "region", "covariance", "inner_cov")

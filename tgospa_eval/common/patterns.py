@@ -59,8 +59,8 @@ def match_files(
     """Return the files that a pattern selects; it does not select all files that match.
 
     Files in the store of a batch, or in a folder of results, are selected only if the pattern names
-    that folder without a field. A truth is not selected as an estimate, unless both patterns have
-    the same fields.
+    that folder without a field. A truth is not selected as an estimate if the pattern of the
+    estimates has all fields of the truth and at least one more.
 
     Parameters
     ----------

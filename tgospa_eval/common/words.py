@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from tgospa_eval.errors import ConfigError
 
 THOUSANDS = 1e9
-"""Largest number that is written with commas."""
+"""Numbers below this are written out, with commas."""
 
 
 PLAIN_DECIMAL = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -70,7 +70,7 @@ def shortest(value: float, noise: float) -> float:
 def number(value: float, digits: int = 6) -> str:
     """Format a value with so many significant digits, and commas between thousands.
 
-    All digits before the point are written.
+    Below `THOUSANDS` all digits before the point are written, after rounding.
     """
     value = float(f"{value:.{digits}g}")
     if 10.0**digits <= abs(value) < THOUSANDS:

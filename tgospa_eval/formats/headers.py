@@ -114,8 +114,8 @@ def columns_of_each(
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """Parse the header of each mapped name, and the names of the state columns, in order.
 
-    Edges of boxes, weights and entries of covariances are state columns only if they are named
-    without ``=``.
+    Edges of boxes and entries of covariances are state columns only if they are named without
+    ``=``; weights never are.
     """
     mapped: dict[str, str] = {}
     wanted: dict[str, None] = {}  # an ordered set

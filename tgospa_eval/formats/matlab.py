@@ -248,7 +248,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     ------
     InputError
         The file is not a MAT file, or does not have exactly one suitable set of trajectories; or
-        both sides would be the same set, and neither path names it.
+        both sides would be the same set, and a path does not name it.
     ConfigError
         The file needs h5py, which is not installed.
     """
@@ -546,7 +546,7 @@ class _Sets:
         return _run(name, int(place or 1))
 
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
-        """Check that both sides are different variables if the paths do not name them.
+        """Check that both sides are different variables, unless both paths name their variable.
 
         Raises
         ------

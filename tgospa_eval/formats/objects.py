@@ -90,9 +90,9 @@ def _rows_of_tracks(
     """Convert tracks and ground-truth paths of Stone Soup to rows, by their attributes.
 
     If a track has several states at one time, the last one counts, as with
-    ``last_timestamp_generator`` of Stone Soup: an update after its prediction. Covariances are
-    ``covar``, NaN where a state has none. Particles are the columns of ``state_vector``, with the
-    weights ``weight``.
+    ``last_timestamp_generator`` of Stone Soup: an update after its prediction. If covariances are
+    read, they are ``covar``, NaN where a state has none; or the columns of ``state_vector`` are
+    particles, with the weights ``weight``. Otherwise states are points.
 
     Raises
     ------
@@ -362,7 +362,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
     Raises
     ------
     InputError
-        An axis has an unknown name, no axis is time, or an axis has several runs.
+        An axis has an unknown name, no axis is time, or an axis has runs.
     """
     if not _has_named_axes(side):
         return side

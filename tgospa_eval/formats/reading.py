@@ -245,7 +245,8 @@ def by_one_place(
 ) -> list[Reading | None]:
     """Read all sides by the same columns of positions, if `by_place` changed those of one side.
 
-    If that is not possible, each side with other columns has a warning.
+    If one side has centres of boxes afterwards and the other has points, a side whose own positions
+    are unknown has a warning.
 
     Parameters
     ----------

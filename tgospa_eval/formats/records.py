@@ -247,7 +247,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
     Raises
     ------
     InputError
-        The file is missing, or a record lacks a text.
+        The file is missing, is no list of records, or a record lacks its token or a text.
     """
     path = os.path.join(folder, f"{name}.json")
     rows = load_json(path, load(path, max_bytes(options.max_input, path)), options)

@@ -140,7 +140,7 @@ class Roles:
 
     @property
     def texts(self) -> tuple[int, ...]:
-        """Columns that are read as texts: attributes and other columns without another role."""
+        """Columns of attributes, filters, ids and groups without another role, read as texts."""
         known = {self.id, self.time, self.klass, *self.numbers}
         wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
         return tuple(sorted(wanted - known))
@@ -418,7 +418,8 @@ def _second_of_times(headers: Headers) -> int | None:
 class _Mixes:
     """Quantities of a table: columns, or sums of edges and sizes of boxes.
 
-    A header that is equal to the name has priority over aliases, and aliases over boxes.
+    A header that is equal to the name has priority. Then come boxes with plain names (left, top,
+    width, height), then aliases of the name, and last boxes that are found by aliases.
     """
 
     def __init__(self, headers: Headers) -> None:

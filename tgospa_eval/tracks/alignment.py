@@ -52,11 +52,11 @@ class TimeMatching:
     period : float or str, optional
         Period of the reports of the estimate; by default the median interval within tracks.
     steps : Steps, optional
-        Declared steps, which replace the timestamps of both sides.
+        Declared steps: the only ones that count. Rows at other times are left out.
     outage : float, str, or "none", optional
         Shortest outage, if times of the estimate decide which steps count. If no estimate is near
-        a true object for longer than this, the timestamps of the truth are also steps. By default
-        five times the median time between states of the estimate near a true object.
+        a true object for longer than this, the timestamps of the truth in that time are also steps.
+        By default five times the median time between states of the estimate near a true object.
 
     Raises
     ------

@@ -114,7 +114,7 @@ class Steps:
     first, last : int or float
         First and last step, as timestamps: numbers, or nanoseconds since 1970.
     every : Duration, optional
-        Time between two steps; by default 1, if both ends are integers.
+        Time between two steps; by default 1, if both ends are integers and no ISO times.
     clock : {"number", "local", "zoned"}
         Kind of the timestamps.
     text : str

@@ -43,7 +43,9 @@ def interpolated(
     names: tuple[str, str] = ("estimate", "truth"),
     across: str = "",
 ) -> tuple[Trajectories, tuple[int, int, int]]:
-    """Interpolate a side at the times of the other side; without times a side stays unchanged.
+    """Interpolate a side at the times of the other side.
+
+    If the side has no rows or the other side has no times, the side stays unchanged.
 
     A state at a timestamp of the other side stays unchanged. Between two consecutive states of a
     track that are at most `max_gap` apart, states and covariances are on the straight line.

@@ -22,7 +22,7 @@ SHARED = [item for item in click_builder.EVALUATION if item.key not in ELSEWHERE
 OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
-"""Parameters that apply to data files only."""
+"""Parameters that do not apply to a simulation."""
 
 OF_RESULTS = {
     *("files", "format_", "columns_of_table", "output", "force", "config", "quiet"),

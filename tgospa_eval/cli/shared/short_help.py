@@ -159,7 +159,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
-    """Return usage, purpose, an example and the most used options of a verb."""
+    """Return usage, purpose, an example, the most used options, and where the others are."""
     verb = str(command.name)
     options = {
         name.lstrip("-"): item

@@ -142,8 +142,8 @@ def emit(text: str, format: str = "table") -> None:
     text : str
         The report.
     format : str
-        Format of the report. Texts of csv are escaped on a terminal only, as by ls. A report with
-        colours, `colours`, is written without escapes.
+        Format of the report. Texts of csv are escaped only on a terminal and in the log of a CI
+        system. A report with colours, `colours`, is written as it is.
 
     Raises
     ------

@@ -29,7 +29,7 @@ from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 SIDES = ("truth", "estimate")
-EMPTY_OTHER_SIDE = ("all estimates are false", "all truths are missed")
+EMPTY_OTHER_SIDE = ("all estimates are false", "all ground-truth objects are missed")
 
 
 def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:

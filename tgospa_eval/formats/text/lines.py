@@ -90,7 +90,8 @@ def check_text(data: bytes, path: str) -> None:
         formats = dict.fromkeys(option(name) for name in ("truth_format", "estimate_format"))
         raise InputError(
             f"{path}: the file is empty; if there are no objects, write the header alone; only "
-            f"MOTChallenge and KITTI text may be empty, if it is named ({', '.join(formats)})"
+            "MOTChallenge, VisDrone and KITTI text may be empty, if the format is named "
+            f"({', '.join(formats)})"
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):

@@ -227,7 +227,7 @@ def header_by_blanks(line: str, after: str) -> list[str]:
 
 
 def _split_at_blanks(line: str) -> list[str]:
-    """Split a line of a table at blanks; a line that begins with a comment mark is one field."""
+    """Split a line of a table at blanks; a line whose first word is a comment mark is one field."""
     fields = [within or plain for within, plain in FIELDS_BY_BLANKS.findall(line)]
     return [line] if fields and fields[0] in COMMENTS else fields
 
