@@ -99,14 +99,14 @@ class Request(Values):
     )
     step_weights: str | None = _track_metric(
         "--step-weights FILE",
-        "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
-        "by its weight, the switches into it by its switch_weight, the same by default.",
+        "Weights of the steps: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
+        "by its weight, the switches into it by its switch_weight, by default its weight.",
         parts=FITTING,
     )
     existence: str = _track_metric(
         "--existence NAME",
-        "use: states exist with the probabilities of the column existence, 1 where a file has none "
-        "(experimental); ignore: all exist.",
+        "use: states exist with the probabilities in the column existence, with 1 in a file "
+        "without it (experimental). ignore: all states exist.",
         default="ignore",
         choices=EXISTENCES,
         parts="leave it out: all objects exist then",
@@ -129,28 +129,28 @@ class Request(Values):
     )
     vertical_weight: float | None = _metric(
         "--vertical-weight W",
-        "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
-        "along the surface.",
+        "Weight of a metre of height beside a metre along the surface, with --distance geodesic "
+        "of lat,lon,alt.",
         shown="1",
         whose="geodesic",
     )
     periodic: tuple[str, ...] = _metric(
         "--periodic NAME[=PERIOD]",
-        "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Several "
-        "with commas.",
+        "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Separate "
+        "several with commas.",
         default=(),
         whose="the norms and gaussian-wasserstein",
     )
     scale: tuple[str, ...] = _metric(
         "--scale NAME=FACTOR",
         "State units for one unit of a column: with theta=2 an error of 1 in theta counts as 2. "
-        "Several with commas.",
+        "Separate several with commas.",
         default=(),
         whose="the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
     )
     columns: str | None = _files(
         "--columns NAMES",
-        "State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
+        "State columns, in order: x,y. NAME=HEADER gives the header of a column: "
         "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
         shown="x[,y[,z]], else lat,lon, else the centres of boxes",
     )
@@ -171,8 +171,8 @@ class Request(Values):
     )
     time_tolerance: str = _files(
         "--time-tolerance DT",
-        "Times of the two files that differ by at most DT are one step, nearest to nearest; 20ms, "
-        "or a number, of seconds for ISO times.",
+        "Largest difference of times of the two files that are one step: 20ms, or a number "
+        "(seconds for ISO times). Times are matched with the nearest.",
         default="0",
         parts="round the times of both sides before, or leave it out",
     )
@@ -185,13 +185,15 @@ class Request(Values):
     )
     on_duplicate: str = _files(
         "--on-duplicate NAME",
-        "Rows of one id and time: error, first or last.",
+        "What to do with several rows of one id and time: report an error, or use the first or "
+        "the last.",
         default="error",
         choices=("error", "first", "last"),
     )
     on_invalid: str = _files(
         "--on-invalid NAME",
-        "Boxes of negative size, places out of range: error, or drop it.",
+        "What to do with boxes of negative size and places out of range: report an error, or drop "
+        "them.",
         default="error",
         choices=("error", "drop"),
     )
@@ -203,7 +205,7 @@ class Request(Values):
     )
     max_input: float | None = _files(
         "--max-input GB",
-        "Memory that reading one file may take; 0 for any.",
+        "Largest memory that reading one file may take; 0 is no limit.",
         low=0,
         shown="what is available",
         number=False,
@@ -211,66 +213,69 @@ class Request(Values):
     )
     interpolate: str | None = _files(
         "--interpolate SIDE",
-        "Bring the estimate, or the truth, to the times of the other file: states on the straight "
-        "line between two of a track, at most --max-gap apart. Never done unless asked for.",
+        "Side to interpolate at the times of the other file: on the straight line between two "
+        "states of a track that are at most --max-gap apart. By default nothing is interpolated.",
         choices=INTERPOLATED,
         parts=RESAMPLE_FIRST,
     )
     max_gap: str | None = _files(
         "--max-gap DT[,DT]",
-        "The longest time between two states of a track to interpolate across. With --resample a "
-        "second value, as in 200s,10s, is the longest time between two reports of an estimate that "
-        "belong to one run; across a longer gap a report holds for half a period only.",
+        "Longest time between two states of a track across which it is interpolated. With "
+        "--resample a second value, as in 200s,10s, is the longest time between two reports of an "
+        "estimate that belong to one run. Before a longer gap a report holds for half a period "
+        "only.",
     )
     resample: str | None = _files(
         "--resample S",
-        "A common clock: the steps are the multiples of S (3s, 200ms, 2min; without unit where "
-        "times are numbers) from the truth's first time to its last, where it is interpolated "
-        "within --max-gap. A report of the estimate holds for the tracker's --period and is judged "
-        "at its own time. The way to compare trackers whose times differ.",
+        "Spacing S of a common clock, for trackers whose times differ: 3s, 200ms, 2min, or a "
+        "number if times are numbers. The steps are the multiples of S from the first to the last "
+        "time of the truth, which is interpolated within --max-gap. A report of the estimate "
+        "holds for its --period and is compared at its own time.",
         parts=RESAMPLE_FIRST,
     )
     period: str | None = _files(
         "--period DT",
-        "With --resample: for how long a report of the estimate holds.",
+        "With --resample: the time for which a report of the estimate holds.",
         shown="the median interval between reports of a track",
     )
     steps: str | None = _files(
         "--steps FIRST:LAST[:EVERY]",
-        "Exactly these steps are evaluated, and values per step divide by their number; empty ones "
-        "cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left out.",
+        "Evaluate exactly these steps. Values per step are divided by their number. A step "
+        "without objects counts and costs nothing. EVERY is 1 for whole numbers. Rows at other "
+        "times are left out.",
         shown="the times of both files; values per step divide by the number of times of the truth",
     )
     outage: str | None = _files(
         "--outage DT",
-        "With --interpolate truth, --grid estimate and common: where the estimate has no state "
-        "within c of a truth for longer than this, the truth's own times are steps, and what is "
-        "there is missed. none says that the tracker reports only when it sees something.",
+        "Shortest outage, with --interpolate truth, --grid estimate or --grid common. If no "
+        "estimate is within c of a true object for longer than this, the times of the truth there "
+        "are steps too, and the object is missed. none: the tracker reports only what it "
+        "detects.",
         shown="five times the median time between states of the estimate near a truth",
     )
     time_offset: str = _files(
         "--time-offset DT",
-        "Added to the times of ESTIMATE, after --time-scale: -4.7, or 500ms; a number is seconds "
-        "for ISO times.",
+        "Time that is added to the times of ESTIMATE, after --time-scale: -4.7, or 500ms. A "
+        "number is seconds for ISO times.",
         default="0",
     )
     time_scale: float = _files(
         "--time-scale FACTOR",
-        "The times of ESTIMATE are multiplied by this: 0.001 makes seconds of milliseconds.",
+        "Factor of the times of ESTIMATE: 0.001 converts milliseconds to seconds.",
         default=1.0,
     )
     unit_scale: float = _files(
         "--unit-scale FACTOR",
-        "The state columns of ESTIMATE, except --periodic ones, are multiplied by this, with "
-        "covariances and particles. 1000 turns kilometres into metres.",
+        "Factor of the state columns of ESTIMATE, except --periodic ones, with covariances and "
+        "particles: 1000 converts kilometres to metres.",
         default=1.0,
     )
     truth_crs: str | None = _files(
         "--truth-crs SYSTEM",
-        "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
-        "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
-        "clockwise; range,bearing[,elevation] of a sensor at --origin; a projected system, "
-        "EPSG:25832. Both files are converted to one system: to local axes if either has them.",
+        "Coordinate system of TRUTH: lat,lon[,alt] (degrees, metres); enu (x east, y north, z up, "
+        "metres from --origin) or ned (north, east, down), enu:30 if the axes are turned "
+        "clockwise; range,bearing[,elevation] from a sensor at --origin; or a projected system, "
+        "EPSG:25832. Both files are converted to one system, to local axes if either has them.",
         shown="lat,lon where the other file has one",
         parts=FITTING,
     )
@@ -279,23 +284,23 @@ class Request(Values):
     )
     origin: str | None = _files(
         "--origin LAT,LON[,ALT]",
-        "Where local axes begin, or the sensor is: degrees, and metres above the ellipsoid.",
+        "Origin of local axes, or place of the sensor: degrees, and metres above the ellipsoid.",
     )
     truth_scale: tuple[str, ...] = _files(
         "--truth-scale NAME=FACTOR",
-        "State columns of TRUTH are multiplied by this, with covariances and particles: "
-        "alt=0.3048 makes metres of feet, alt=30.48 of flight levels. Several with commas.",
+        "Factors of state columns of TRUTH, with covariances and particles: alt=0.3048 converts "
+        "feet to metres, alt=30.48 flight levels. Separate several with commas.",
         default=(),
     )
     estimate_scale: tuple[str, ...] = _files(
         "--estimate-scale NAME=FACTOR",
-        "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
+        "--truth-scale for ESTIMATE: x=1000,y=1000 converts kilometres to metres.",
         default=(),
     )
     truth_time_format: str | None = _files(
         "--truth-time-format FORMAT",
-        "How TRUTH writes its times: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
-        "1970; gps: week and seconds. Two columns are one: --truth-columns t=DATE+TIME.",
+        "Format of the times of TRUTH: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
+        "1970; gps for week and seconds. --truth-columns t=DATE+TIME joins two columns.",
         shown="numbers or ISO times",
         parts=FITTING,
     )
@@ -304,7 +309,7 @@ class Request(Values):
     )
     truth_time_zone: str | None = _files(
         "--truth-time-zone ZONE",
-        "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
+        "Time zone of times of TRUTH that have none: UTC, Europe/Copenhagen.",
         parts=FITTING,
     )
     estimate_time_zone: str | None = _one_side(
@@ -312,34 +317,34 @@ class Request(Values):
     )
     day_begins: float | None = _files(
         "--day-begins T",
-        "Times of day before T are of the next day: for recordings that go over midnight, in both "
-        "files. In the unit of the times, seconds for texts: 43200 is noon.",
+        "For recordings across midnight: times of day before T belong to the next day, in both "
+        "files. T is in the unit of the times, in seconds for texts: 43200 is noon.",
         low=0,
         parts=FITTING,
     )
     time: str | None = _filters(
         "--time A:B",
-        "Only the steps from A to B, both included; numbers or ISO times, as in the files. A or B "
+        "Only the steps from A to B, both included: numbers or ISO times, as in the files. A or B "
         "may be left out.",
     )
     class_: str | None = _filters(
         "--class A[,B]",
-        "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
-        "where that is unambiguous.",
+        "Only rows of these classes, in each file that has classes. Upper and lower case are "
+        "alike unless both occur.",
     )
     truth_class: str | None = _one_side(_filters, "--truth-class A[,B]")
     estimate_class: str | None = _one_side(_filters, "--estimate-class A[,B]")
     region: str | None = _filters(
         "--region REGION",
-        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
-        "left out; inside circle=LAT,LON,RADIUS, without places on the Earth circle=X,Y,RADIUS; or "
-        "inside the regions of a file, as of --ignore-regions.",
+        "Only rows inside ranges of columns, x=-50:50,y=0:100, ends included, of which one may be "
+        "left out; inside a circle, circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the "
+        "regions of a file, as with --ignore-regions.",
     )
     where: tuple[str, ...] = _filters(
         "--where TEST",
-        "Only rows that pass comparisons of columns with a number or a text, joined by and: 'score "
-        ">= 0.5 and type != van'. ==, !=, <, <=, >, >=; names and texts with blanks in quotes. A "
-        "blank passes no comparison with a number. Repeatable.",
+        "Only rows that pass a test, such as 'score >= 0.5 and type != van': comparisons (==, !=, "
+        "<, <=, >, >=) of columns with a number or a text, joined by and. Names and texts with "
+        "blanks need quotes. A blank field passes no comparison with a number. Repeatable.",
         default=(),
         parts=FILTER_FIRST,
     )
@@ -360,65 +365,66 @@ class Request(Values):
     )
     preprocess: str | None = _track_filters(
         "--preprocess RULES",
-        "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
-        "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
-        "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
+        "Rules of a benchmark for boxes that are left out before the evaluation: motchallenge "
+        "(2016 and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions). "
+        "NAME:delete is the same as NAME; NAME:ignore marks these boxes as not judged.",
         choices=PREPROCESS,
         parts="it is for files of benchmarks, which are not read in parts; --ignore and "
         "--ignore-regions say what is not judged",
     )
     ignore: tuple[str, ...] = _track_filters(
         "--ignore SPEC",
-        "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
-        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: truths "
-        "with 1 in a column ignored; marked-estimates: estimates with 1 in a column excused, not "
-        "for compare and gate; outside-truth-steps: estimates at times at which TRUTH has no row; "
-        "truth-gaps: the straight line across gaps longer than --max-gap; in-regions: truths in "
-        "--ignore-regions, too. Repeatable.",
+        "States of the truth to ignore: an estimate that follows one costs nothing, and neither "
+        "does its absence. SPEC is a condition on a column (class=Van,Person, occlusion>1, "
+        "height<25), or a word. marked: states with 1 in a column ignored; in-regions: states in "
+        "--ignore-regions; truth-gaps: the straight line across gaps longer than --max-gap. Two "
+        "words are about estimates, which then cost nothing. outside-truth-steps: estimates at "
+        "times at which TRUTH has no row; marked-estimates: estimates with 1 in a column excused, "
+        "not for compare and gate. Repeatable.",
         default=(),
     )
     ignore_regions: str | None = _track_filters(
         "--ignore-regions FILE",
-        "Regions in which a false estimate costs nothing: CSV of boxes, circles or polygons, "
-        "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
-        "area inside. Polygons need the extra regions.",
+        "Regions in which a false estimate costs nothing: GeoJSON, or CSV of boxes, circles or "
+        "polygons, with t if they are of one step. A point must be inside, of a box half of its "
+        "area. Polygons need the extra regions.",
     )
     max_speed: float | None = _track_filters(
         "--max-speed V",
-        "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
-        "units per second. An estimate nearer to the line than c + V times the time to the nearer "
-        "end of the gap is not judged.",
+        "With --ignore truth-gaps: largest speed of a true object away from the line across a "
+        "gap, in state units per second. An estimate is not judged if it is nearer to the line "
+        "than c + V times the time to the nearer end of the gap.",
         shown="0",
     )
     unit: str | None = _output(
         "--unit TEXT",
-        "Unit of the states, printed beside values: m. No number changes.",
+        "Unit of the states, printed beside values: m. It changes no number.",
         sensors=False,
     )
     solver: str = _solver(
         "--solver NAME",
-        "certified: exact, with proven bounds; exact: another, slower method to check it with "
-        "(CVXPY and Clarabel); sinkhorn: an approximation with proven bounds.",
+        "certified: exact, with proven bounds. exact: a slower method, to check it with (CVXPY "
+        "and Clarabel). sinkhorn: an approximation with proven bounds.",
         default="certified",
         choices=SOLVERS,
         parts="leave it out: the solver certified is exact",
     )
     gap: float = _solver(
         "--gap G",
-        "Relative difference of the proven bounds on the total that counts as exact (certified), "
-        "or at which to stop early (sinkhorn).",
+        "Relative difference of the proven bounds on the total at which a value counts as exact "
+        "(certified), or at which sinkhorn stops early.",
         default=1e-09,
     )
     epsilon: float = _solver(
         "--epsilon E",
-        "Temperature of sinkhorn, as a fraction of c^p. A lower one is slower and nearer to the "
-        "exact value.",
+        "Temperature of sinkhorn, as a fraction of c^p. A lower temperature is slower and nearer "
+        "to the exact value.",
         default=0.03,
     )
     time_limit: float | None = _solver(
         "--time-limit SECONDS",
-        "Stop solving after so long: the bounds proven by then are printed, and the exit status is "
-        "4.",
+        "Time after which solving stops. The bounds proven by then are printed, and the exit "
+        "status is 4.",
     )
     jobs: int | None = _solver(
         "--jobs N",
@@ -430,18 +436,20 @@ class Request(Values):
     )
     fix_cov: bool = _gaussians(
         "--fix-cov",
-        "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
+        "Replace a matrix that is not a covariance by the nearest one that is. By default such a "
         "matrix is an error.",
     )
     missing_cov: str = _gaussians(
         "--missing-cov NAME",
-        "A row without covariance is an error, or a point (zero).",
+        "What to do with a row without covariance: report an error, or compare it as a point "
+        "(zero).",
         default="error",
         choices=("error", "zero"),
     )
     mixed: str = _gaussians(
         "--mixed NAME",
-        "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
+        "What to do with a particle cloud: report an error, or use its mean and covariance as a "
+        "Gaussian (moments).",
         default="error",
         choices=("error", "moments"),
         whose="gaussian-wasserstein",
@@ -480,28 +488,29 @@ class Request(Values):
     )
     directions: int | None = _particles(
         "--directions N",
-        "Number of projections, of the sliced distances and of sliced and recursive.",
+        "Number of projections, for the sliced distances and the methods sliced and recursive.",
         low=1,
         shown="32 in 2-D; 24 for each dimension from 3-D on",
         methods=ITERATED[:2],
     )
     iterations: int | None = _particles(
         "--iterations N",
-        "Most iterations of sliced, recursive, atl and kmeans.",
+        "Largest number of iterations of the methods sliced, recursive, atl and kmeans.",
         low=1,
         shown="25",
         methods=ITERATED,
     )
     restarts: int | None = _particles(
         "--restarts N",
-        "Number of starts of these four; the nearest result is kept.",
+        "Number of starts of the methods sliced, recursive, atl and kmeans; the nearest result is "
+        "kept.",
         low=1,
         shown="1",
         methods=ITERATED,
     )
     polish: int | None = _particles(
         "--polish N",
-        "Number of atl iterations after sliced and recursive.",
+        "Number of atl iterations after the methods sliced and recursive.",
         low=0,
         shown="0",
         methods=ITERATED[:2],
@@ -515,15 +524,15 @@ class Request(Values):
     )
     no_gating: bool = _particles(
         "--no-gating",
-        "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
-        "the bounds.",
+        "Solve all pairs of clouds, also those that bounds show to be far apart. This is slow; "
+        "use it to check the bounds.",
         trusted=False,
     )
     memory: int | None = _files(
         "--memory SIZE",
-        "Memory that all processes together may take, 4GB or 500MB. Folders of Parquet or CSV "
+        "Limit of the memory of all processes together: 4GB or 500MB. Folders of Parquet or CSV "
         "files, and files that would take more, are read and evaluated in parts. With --scheduler "
-        "that of each worker.",
+        "it is the limit of each worker.",
         kind="size",
         shown="half of the machine's",
         number=False,
@@ -539,16 +548,16 @@ class Request(Values):
     )
     with_: str | None = _beside(
         "--with NAMES",
-        "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1); gospa, of each step by "
-        "itself; nees, whether covariances are as large as errors, "
-        "also where the distance compares points. Several with commas.",
+        "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1); gospa, of each step "
+        "separately; nees, whether covariances are as large as errors, also if the distance "
+        "compares points. Separate several with commas.",
         parts=FITTING,
     )
     slices: tuple[str, ...] = _beside(
         "--slice NAME[=EDGES]",
         "Split costs by an attribute of truth and estimate at each step: a column (class, "
-        "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, "
-        "region=x=-50:50; NAME=weight splits each cost by the value of NAME, a share from 0 to 1; "
+        "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, or "
+        "region=x=-50:50. NAME=weight splits each cost by the value of NAME, a share from 0 to 1. "
         "A*B combines two attributes. Repeatable.",
         default=(),
         parts=FITTING,
@@ -560,8 +569,9 @@ class Request(Values):
     )
     window: str | None = _beside(
         "--window W",
-        "Evaluate each window of W steps by itself as well, or of a time: 30min. Where in a long "
-        "recording does a tracker fail? Windows begin at the first step and every S after it.",
+        "Also evaluate each window of W steps, or of a time such as 30min, separately: this shows "
+        "where a tracker fails in a long recording. Windows begin at the first step and every S "
+        "after it.",
         parts=FITTING,
     )
     every: str | None = _beside(
@@ -572,8 +582,8 @@ class Request(Values):
     )
     similarity: float | None = _beside(
         "--similarity N",
-        "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets at "
-        "each step score 0.1.",
+        "Also show a score from 0 to 1 of the value per step: 1 is perfect, and N false targets "
+        "at each step score 0.1.",
     )
     tracked_shares: str = _beside(
         "--tracked-shares LOST:TRACKED",
@@ -694,29 +704,29 @@ class BatchOptions(Values):
     )
     estimate: str | None = _batch(
         "--estimate PATTERN",
-        "Paths of the estimates, with fields: runs/{tracker}/{sequence}.txt. Each file found is a "
-        "job.",
+        "Paths of the estimates, with fields: runs/{tracker}/{sequence}.txt. Each file that "
+        "matches is a job.",
         kind="path",
     )
     layout: str | None = _batch(
         "--layout NAME",
-        "Folders GT TRACKERS as a benchmark has them: motchallenge or kitti.",
+        "Layout of the folders GT and TRACKERS of a benchmark: motchallenge or kitti.",
         choices=LAYOUTS,
     )
     seqmap: str | None = _batch(
         "--seqmap FILE",
-        "Only the sequences in this file, of a --layout; of kitti with their frames.",
+        "With --layout: file that lists the sequences to evaluate, for kitti with their frames.",
     )
     output: str = _batch(
         "-o, --output DIR",
         "The store: a folder that the same command goes on with. Of batch report: where to write "
         "its files.",
     )
-    allow_missing: bool = _batch("--allow-missing", "Go on where truths or estimates are missing.")
-    retry_failed: bool = _batch("--retry-failed", "Try jobs again that failed before.")
+    allow_missing: bool = _batch("--allow-missing", "Go on if a file of a pair is missing.")
+    retry_failed: bool = _batch("--retry-failed", "Run jobs again that failed before.")
     shard: str | None = _batch(
         "--shard K/N",
-        "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
+        "Only every N-th job, from the K-th on: for N processes on one store, as in a job array.",
     )
     workers: int | None = _batch(
         "--workers N", "Processes; by default as many as there are cores.", low=1
@@ -746,15 +756,15 @@ class BatchOptions(Values):
     )
     band: "BandKind | None" = _batch(
         "--band KIND",
-        "Bands around curves over time: interval or bootstrap, of the RMS; percentiles or "
+        "Kind of bands around curves over time: interval or bootstrap, of the RMS; percentiles or "
         "deviation, of the runs.",
         choices=BAND_KINDS,
         shown="interval",
     )
     over: str | None = _batch(
         "--over CLOCK",
-        "Time of curves: since the start of each run, or its stamps. A run counts from its first "
-        "step to its last then.",
+        "Time axis of curves: start is the time since the start of each run, stamps are the "
+        "timestamps. If it is given, a run counts from its first step to its last.",
         choices=("start", "stamps"),
         shown="stamps, start where runs have none in common",
     )
