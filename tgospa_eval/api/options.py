@@ -719,8 +719,8 @@ class BatchOptions(Values):
     )
     output: str = _batch(
         "-o, --output DIR",
-        "The store: a folder that the same command goes on with. Of batch report: where to write "
-        "its files.",
+        "Folder of the store. The same command continues it. For batch report: folder of the "
+        "files that it writes.",
     )
     allow_missing: bool = _batch("--allow-missing", "Go on if a file of a pair is missing.")
     retry_failed: bool = _batch("--retry-failed", "Run jobs again that failed before.")
@@ -752,7 +752,7 @@ class BatchOptions(Values):
     )
     mean_of_roots: bool = _batch(
         "--mean-of-roots",
-        "Also show the plain means of the values, which are no sums.",
+        "Also show the plain mean of the values of the jobs.",
     )
     band: "BandKind | None" = _batch(
         "--band KIND",
@@ -766,7 +766,7 @@ class BatchOptions(Values):
         "Time axis of curves: start is the time since the start of each run, stamps are the "
         "timestamps. If it is given, a run counts from its first step to its last.",
         choices=("start", "stamps"),
-        shown="stamps, start where runs have none in common",
+        shown="stamps, or start if most runs do not overlap",
     )
 
     evaluation: Request = Request()

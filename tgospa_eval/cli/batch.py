@@ -30,7 +30,7 @@ OF_REPORT = {
         *(item for item in click_builder.EVALUATION if item.key not in ("by", "jobs")),
         Option(
             "--force",
-            "Write curves and report.html over files that no batch wrote.",
+            "Replace curves and report.html even if no batch wrote them.",
             section="Output",
         ),
         click_builder.report_format(Option),

@@ -30,7 +30,7 @@ _output = partial(Option, section="Output")
         ),
         _output(
             "--top N",
-            "How many repairs to list; up to twice as many are tried.",
+            "Number of repairs to list; up to twice as many are tried.",
             type=click.IntRange(min=1),
             default=10,
         ),
@@ -42,7 +42,7 @@ _output = partial(Option, section="Output")
         ),
         _output(
             "--apply N",
-            "Rank of the repair that the file of -o has.",
+            "Rank of the repair to write to the file of -o.",
             type=click.IntRange(min=1),
             default=1,
         ),

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 PLOT = Option(
     "--plot FILE",
-    "Draw what was read to this file, a .png, .svg or .pdf: the plane, and who is there when. A "
-    "picture of that name is replaced.",
+    "Draw the data to this file, a .png, .svg or .pdf: the trajectories in the plane, and the "
+    "times of each. An existing picture is replaced.",
     section="Output",
     type=PATH,
 )

@@ -57,7 +57,7 @@ OPTIONS = (
     ),
     _scene(
         "--scenario NAME",
-        "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+        "Motion of the targets: crossing, parallel, convoy, dense, births or manoeuvring.",
         default="crossing",
         type=click.Choice(SCENARIOS),
     ),
@@ -65,7 +65,7 @@ OPTIONS = (
     _scene("--steps N", "Number of time steps.", default=60),
     _scene(
         "--area LENGTH",
-        "Side of the square in which it happens, in state units.",
+        "Side of the square with the targets, in state units.",
         default=200.0,
     ),
     _scene(
@@ -149,7 +149,7 @@ OPTIONS = (
         type=click.Choice(SCENE_FORMATS),
     ),
     _output("--force", "Write into a folder with other files in it."),
-    Option("-q, --quiet", "Do not print what was made.", section="General"),
+    Option("-q, --quiet", "Print no summary.", section="General"),
 )
 
 

@@ -46,8 +46,8 @@ NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
         ),
         Option(
             "--script",
-            "Print the program that checks, one file that needs Python alone: to read, and to "
-            "archive with a paper.",
+            "Print the program that checks proofs, to read it or to archive it with a paper. It is "
+            "one file that needs only Python.",
             section="Output",
         ),
     ],

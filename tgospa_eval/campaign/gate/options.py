@@ -60,7 +60,7 @@ class GateOptions(Values):
     )
     add: bool = _gate(
         "--add",
-        "With --update-baseline, add this run to the nights that the baseline has, at most 10: "
+        "With --update-baseline, keep the values of earlier nights in the baseline, at most 10: "
         "limits are judged against their mean.",
     )
     strict: bool = _gate(

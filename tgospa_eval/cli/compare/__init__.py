@@ -36,9 +36,9 @@ _study = partial(Option, section="Scaling study")
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",
-        "Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one to "
-        "use.",
-        show_default="all, exact only where it is quick; for a ranking certified",
+        "Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking: the solver "
+        "to use.",
+        show_default="all, but exact only if it is quick; for a ranking certified",
     ),
     option(
         "--epsilon NUMBERS",
@@ -49,33 +49,33 @@ COMPARE_OPTIONS = (
     ),
     _comparison(
         "--against per-step-gospa",
-        "Show per-step GOSPA beside TGOSPA: its sum, and with switches charged afterwards.",
+        "Also show the sum of per-step GOSPA, without and with the cost of its switches.",
         type=click.Choice(("per-step-gospa",)),
     ),
     _study("--simulate", "Compare solvers on simulated scenes of growing size; no files are read."),
     _study("--targets NUMBERS", "Numbers of targets, with commas.", default="10,20,50"),
     _study(
         "--steps NUMBERS",
-        "Numbers of time steps, with commas; each with each number of targets. Of files instead "
-        "FIRST:LAST[:EVERY], exactly these steps, as of evaluate.",
-        show_default="50,100; of files all their times",
+        "Numbers of time steps, with commas, each with each number of targets. With files instead "
+        "FIRST:LAST[:EVERY]: evaluate exactly these steps, as evaluate does.",
+        show_default="50,100; all times of files",
     ),
     _study("--runs N", "Number of scenes of each size.", type=click.IntRange(min=1), default=10),
     _study(
         "--scenario NAME",
-        "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+        "Motion of the targets: crossing, parallel, convoy, dense, births or manoeuvring.",
         default="dense",
         type=click.Choice(SCENARIOS),
     ),
     _study(
         "--area LENGTH",
-        "Side of the square in which it happens; the noise is area / 200.",
+        "Side of the square with the targets; the noise is area / 200.",
         type=float,
         default=100.0,
     ),
     _study(
         "--seed N",
-        "Seed: the same one makes the same scenes.",
+        "Seed of the scenes; equal seeds give equal scenes.",
         type=click.IntRange(min=0),
         default=0,
     ),

@@ -170,10 +170,10 @@ def report_format(
 COLUMNS_OF_TABLE = Option(
     "--columns-of-table NAMES",
     "Columns of the table, with commas: jobs, tgospa, interval, loc, missed, false, switch, place, "
-    "p, numbers of the summary as detection, rmse, and of --with as hota.",
+    "p, numbers of the summary such as rmse, and of --with such as hota.",
     callback=lambda _, __, text: tuple(filter(None, map(str.strip, (text or "").split(",")))),
     section="Output",
-    show_default="those that say something",
+    show_default="those that add information",
 )
 """Option of the table of a study."""
 

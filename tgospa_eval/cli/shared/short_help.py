@@ -51,7 +51,7 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "Read the files": READING | TOLERANCE,
         "Repair": {
             "top": "how many repairs to show",
-            "apply": "the repair that the file of -o has",
+            "apply": "the repair to write to the file of -o",
             "output": "where to write it",
             "format": "a table or json",
         },
