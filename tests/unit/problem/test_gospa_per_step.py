@@ -1,6 +1,6 @@
 """Per-step GOSPA, and the switches that two tools charge afterwards.
 
-The table is that of docs/reference/other-metrics.md. Its per-step values follow from the rule:
+Some of its rows are in docs/reference/other-metrics.md. Its per-step values follow from the rule:
 GOSPA of each step by hand (all errors are 0 or 1, or all distances beyond the cutoff), changes
 counted by hand, and Stone Soup's (GOSPA^2 + (SP n^(1/p))^2)^(1/2).
 """
