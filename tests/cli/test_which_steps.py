@@ -462,7 +462,10 @@ def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None
     assert document["groups"][1]["per_step"] == pytest.approx((250 / 30) ** 0.5)
     assert {one["name"] for one in document["ranking"]} == {"x", "y"}
     assert {point["t"] for point in document["curves"][0]["points"]} == set(range(1, 21))
-    assert "y/A: 0 rows of the truth and 1 of the estimate are left out: no" in answer.err
+    assert (
+        "tracker=y sequence=A: 0 rows of the truth and 1 of the estimate are left out: no"
+        in answer.err
+    )
     # The same of a single evaluation.
     single = invoke(
         "gt/A/gt/gt.txt", "out/y/data/A.txt", *GIVEN, "--steps", "1:10", "--format", "json"
@@ -554,7 +557,7 @@ def test_steps_of_kitti_are_the_frames_of_the_seqmap(invoke: Invoke) -> None:
     written("gt/evaluate_tracking.seqmap.test", "0000 empty 000000 000099\n0001 empty 0 99\n")
     answer = invoke(*KITTI)
     assert f"{told} 0001: values per step" in answer.err
-    assert "x/0000: 0 rows of the truth and 1 of the estimate" in answer.err
+    assert "tracker=x sequence=0000: 0 rows of the truth and 1 of the estimate" in answer.err
     rows = jobs(answer)
     assert rows["judged.steps"].tolist() == [10, 2]
     assert rows["total"].tolist() == pytest.approx([150, 200])
