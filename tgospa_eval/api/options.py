@@ -222,8 +222,8 @@ class Request(Values):
         "--max-gap DT[,DT]",
         "Longest time between two states of a track across which it is interpolated. With "
         "--resample a second value, as in 200s,10s, is the longest time between two reports of an "
-        "estimate that belong to one run. Before a longer gap a report holds for half a period "
-        "only.",
+        "estimate that belong to one run. On both sides of a longer gap a report holds for half "
+        "a period only.",
     )
     resample: str | None = _files(
         "--resample S",
@@ -241,16 +241,16 @@ class Request(Values):
     steps: str | None = _files(
         "--steps FIRST:LAST[:EVERY]",
         "Evaluate exactly these steps. Values per step are divided by their number. A step "
-        "without objects counts and costs nothing. EVERY is 1 for whole numbers. Rows at other "
-        "times are left out.",
+        "without states in either file counts and costs nothing. EVERY is 1 for whole numbers. "
+        "Rows at other times are left out.",
         shown="the times of both files; values per step divide by the number of times of the truth",
     )
     outage: str | None = _files(
         "--outage DT",
-        "Shortest outage, with --interpolate truth, --grid estimate or --grid common. If no "
-        "estimate is within c of a true object for longer than this, the times of the truth there "
-        "are steps too, and the object is missed. none: the tracker reports only what it "
-        "detects.",
+        "Shortest outage of the tracker, with --interpolate truth, --grid estimate or --grid "
+        "common. If no estimate is within c of any true object for longer than this, the times of "
+        "the truth there are steps too, and its objects are missed. none: the tracker reports "
+        "only what it detects.",
         shown="five times the median time between states of the estimate near a truth",
     )
     time_offset: str = _files(
@@ -378,9 +378,9 @@ class Request(Values):
         "does its absence. SPEC is a condition on a column (class=Van,Person, occlusion>1, "
         "height<25), or a word. marked: states with 1 in a column ignored; in-regions: states in "
         "--ignore-regions; truth-gaps: the straight line across gaps longer than --max-gap. Two "
-        "words are about estimates, which then cost nothing. outside-truth-steps: estimates at "
-        "times at which TRUTH has no row; marked-estimates: estimates with 1 in a column excused, "
-        "not for compare and gate. Repeatable.",
+        "words are about estimates, which cost nothing if they follow no object. "
+        "outside-truth-steps: estimates at times at which TRUTH has no row; marked-estimates: "
+        "estimates with 1 in a column excused, not for compare and gate. Repeatable.",
         default=(),
     )
     ignore_regions: str | None = _track_filters(

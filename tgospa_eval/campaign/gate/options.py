@@ -60,7 +60,7 @@ class GateOptions(Values):
     )
     add: bool = _gate(
         "--add",
-        "With --update-baseline, keep the values of earlier nights in the baseline, at most 10: "
+        "With --update-baseline, add this run to the nights of the baseline, at most 10 together: "
         "limits are judged against their mean.",
     )
     strict: bool = _gate(
