@@ -502,11 +502,19 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
     """Yield the value per step, and per object and step: name, value, divisor of the total."""
     evaluated_on, normalised = result.evaluated_on, result.normalised
     if evaluated_on.steps:
-        yield "per step", result.quantity(normalised["tgospa"]), counted(evaluated_on.steps, "step")
+        steps = counted(evaluated_on.steps, "step") + _of_truth(result)
+        yield "per step", result.quantity(normalised["tgospa"]), steps
         if "per_object" in normalised:
             states = counted(evaluated_on.truth_states, "state")
             each = result.quantity(normalised["per_object"])
             yield "per object and step", each, f"{states} of the truth"
+
+
+def _of_truth(result: Evaluation) -> str:
+    """Return " of the truth" if values are divided by fewer steps than are evaluated."""
+    chosen = {"steps", "resample"} & result.parameters.keys()
+    fewer = result.evaluated_on.steps != result.sizes["steps"]
+    return " of the truth" if fewer and not chosen else ""
 
 
 def _scale(result: Evaluation) -> Iterator[str]:
