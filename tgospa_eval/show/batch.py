@@ -40,10 +40,10 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""Kinds of curves, with the cost of a run at time t that their root mean square is about.
+"""Kinds of curves. They differ in the cost of a run at time t, under the root mean square.
 
 ``step``: the cost of the step at t. ``cumulative``: the sum of the costs up to t, divided by the
-number of steps of the horizon up to t. ``prefix``: the same, with costs from an evaluation of the
+number of steps of the horizon up to t. ``growing``: the same, with costs from an evaluation of the
 steps up to t alone.
 """
 
@@ -93,7 +93,8 @@ class RmsCurve:
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group, and its parameters if those differ in the batch.
+        Labels of the group, and its parameters if those differ in the batch. No name is
+        that of a column.
     kind : str
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
@@ -238,7 +239,7 @@ class Ranking:
         `jobs` is the number of compared jobs of each entry. `all_jobs` is the number of jobs for
         which any entry has a value.
     pairs : int
-        Number of pairs in the statistics. A pair are the values of two entries for one truth, or
+        Number of pairs in the statistics. A pair has the values of two entries for one truth, or
         for one job if there is only one truth.
     truths : int
         Number of truths.
@@ -274,7 +275,7 @@ class Ranking:
 
     @property
     def p_values(self) -> list[float | None]:
-        """P value of the difference to the first entry, NaN for that entry; None for too few pairs."""
+        """P value of the difference to the first entry; NaN for itself, None for too few pairs."""
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -439,7 +440,7 @@ class BatchTables:
 
     @cached_property
     def heat(self) -> Json | None:
-        """Table with the values of the first label across, and those of the second or another down."""
+        """Table with values of the first label across, and of the second or another label down."""
         labels = [*self.by, *(name for name in self.labels if name not in self.by)]
         if len(labels) < 2:
             return None
@@ -746,7 +747,7 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the table of the study, the costs of a run, and rankings on fewer jobs or labels."""
+    """Yield the study, the costs of a run, and rankings if they have fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
     rank = {own: k for k, own in enumerate(places)}

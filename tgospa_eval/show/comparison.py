@@ -1,4 +1,4 @@
-"""Documents of `compare` in printed formats. All numbers come from the documents."""
+"""Printed formats of the documents of `compare`, from which all numbers come."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings about an order by covariances if `of_order`, otherwise about the data."""
+    """Yield warnings about a ranking by covariances if `of_order`, otherwise about the data."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -78,7 +78,7 @@ def estimates_columns(document: Json) -> Columns:
 
 
 def pairs_columns(document: Json) -> Columns:
-    """Return a row for each pair of estimates: costs per step of the second minus the first."""
+    """Return a row for each pair of estimates: cost per step of the second minus the first."""
     pairs = document["pairs"]
     table = table_text.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
@@ -189,7 +189,7 @@ def _pair_tables(document: Json) -> Iterator[table_text.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield TGOSPA, per-step GOSPA and the two rules for each estimate."""
+    """Yield TGOSPA and per-step GOSPA with two rules for switches, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -499,7 +499,7 @@ def _times_table(document: Json) -> table_text.Table:
 
 
 def _rms_table(document: Json) -> table_text.Table:
-    """Return the table of the metric: roots per step, RMS over runs."""
+    """Return the table of the metric per step, as a root mean square over the runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
     table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
@@ -620,7 +620,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Yield the ranges of values with constant counts, for the best assignments only."""
+    """Yield the ranges of values with constant counts, which are those of the best assignments."""
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return
