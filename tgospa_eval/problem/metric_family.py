@@ -211,9 +211,9 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
-            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and the "
-            "distances that make the result: powers of their ratio are below the smallest double; "
-            "choose a smaller cutoff or a lower order"
+            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and these "
+            "errors: (error / cutoff)^p is below the smallest double; choose a smaller cutoff or a "
+            "lower order"
         )
 
 

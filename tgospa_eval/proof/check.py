@@ -136,8 +136,8 @@ def _folders(folder: str) -> list[str]:
         if folders:
             return folders
     raise InputError(
-        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes "
-        "one, in Python Result.proof.save(folder)"
+        f"{folder}: there is no proof.json in it; tgospa-eval TRUTH ESTIMATE -o DIR --proof writes "
+        "one, as does Result.proof.save(folder) in Python"
     )
 
 

@@ -385,7 +385,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
         ("max_speed", "a reach that grows with time"),
     ):
         if name in settings:
-            raise ConfigError(f"a proof folder cannot hold {what}: leave one of the two out")
+            raise ConfigError(f"a proof folder cannot hold {what}: leave out the proof or {what}")
     if settings["distance"] not in verify_tgospa.EXTRAS:
         raise ConfigError(
             f"a proof folder cannot hold the distance {quoted(settings['distance'])}: it "
@@ -393,8 +393,8 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
         )
     if parameters.order > verify_tgospa.TOP_ORDER:
         raise ConfigError(
-            f"a proof folder cannot hold the order {parameters.order:g}: at most "
-            f"{verify_tgospa.TOP_ORDER} is checked"
+            f"a proof folder cannot hold the order {parameters.order:g}: the largest is "
+            f"{verify_tgospa.TOP_ORDER}"
         )
     for name in (*compared.labels.truths, *compared.labels.estimates, *compared.columns):
         if len(name) > csv.field_size_limit() or as_unicode(name) != name:
@@ -421,7 +421,7 @@ def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
             verify_tgospa.verify(folder)
         except verify_tgospa.BeyondLimits as error:
             raise ConfigError(
-                f"{error}; a proof folder of this takes too long to check: choose a smaller "
+                f"{error}; the proof folder takes too long to check: choose a smaller "
                 "cutoff, or an order that is a whole number"
             ) from None
         except (verify_tgospa.Wrong, *verify_tgospa.DAMAGED) as error:

@@ -777,7 +777,7 @@ def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
             (tables.rankings[0].label, *tables.rankings[0].parameters),
             [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
             title,
-            caption=f"Values are those of the jobs that all have. {caption}",
+            caption=f"Values are those of the jobs that all rows have. {caption}",
         )
 
 
@@ -884,7 +884,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
+        yield f"{begin}: at least 6 are needed to judge {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
@@ -907,7 +907,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         "; mean of roots: the plain mean of the values" if "mean_of_roots" in tables.groups else ""
     )
     yield (
-        f"{title}: (sum of the totals / sum of the steps)^(1/p), and so for the parts; TGOSPA: "
+        f"{title}: (sum of the totals / sum of the steps)^(1/p), each part likewise; TGOSPA: "
         f"(mean of the totals of the runs)^(1/p); costs: means over the runs{roots}"
     )
     steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
@@ -919,8 +919,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
-            f"{of_expected(row['jobs'], row['expected'])} jobs: the others have no value; their "
-            "costs are missing, so all values look better than they are"
+            f"{of_expected(row['jobs'], row['expected'])} jobs: the other jobs have no value; "
+            "their costs are missing, so all values look better than they are"
         )
         break
     opened = int(tables.groups["open"].sum())
@@ -938,8 +938,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         item.population for item in tables.rankings if item.permutations
     ):
         yield (
-            f"p, for {population} drawn as these were: of the difference to the best, by a "
-            "two-sided permutation test, adjusted for all pairs (Holm), significant below 0.05"
+            f"p of the difference to the best, for {population} drawn as these were: by a "
+            "two-sided permutation test, adjusted for all pairs (Holm); significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
         yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"

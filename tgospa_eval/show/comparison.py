@@ -235,12 +235,12 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             yield (
                 f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: "
                 "by Student's t and the jackknife; p of the difference to the best: by a two-sided "
-                "permutation test, adjusted for all pairs (Holm), significant below 0.05"
+                "permutation test, adjusted for all pairs (Holm); significant below 0.05"
             )
         yield "; ".join(
             [
                 *(text for verdict, text in table_text.PROOFS.items() if verdict in verdicts),
-                "steps -/+: number of steps at which the estimate costs less / more than the first",
+                "steps -/+: steps at which the estimate costs less (-) and more (+) than the first",
             ]
         )
     yield table_text.SPLIT_NOTE
@@ -335,7 +335,8 @@ def _agreement(document: Json) -> str:
 
 def _solver_notes(document: Json) -> Iterator[str]:
     once = document["seconds"]
-    yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    spent = ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    yield f"seconds, once for all solvers: {spent}"
     for run in document["runs"]:
         if run["status"] != "solved":
             yield f"{run['name']}: {run['status']}"
@@ -510,9 +511,9 @@ def _rms_table(document: Json) -> table_text.Table:
 
 def _study_notes(document: Json) -> Iterator[str]:
     yield (
-        "m targets, T steps; seconds of solving and proof; error: relative, of the total, at "
-        "most; bound's: the same of the lower bound; "
-        "+- one standard deviation over the runs"
+        "m targets, T steps; seconds: solving and proof; error: largest possible relative error of "
+        "the total; bound's: relative error of the lower bound, likewise; +-: one standard "
+        "deviation over the runs"
     )
     yield table_text.SPLIT_NOTE
     for size in document["sizes"]:
@@ -520,8 +521,8 @@ def _study_notes(document: Json) -> Iterator[str]:
         if size["left_out"]:
             yield (
                 f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step: "
-                "no bracket, or brackets that contradict each other; the latter also left out of "
-                "times and errors"
+                "no bounds, or bounds that contradict each other; scenes with contradictions are "
+                "also left out of times and errors"
             )
         for made in size["solvers"]:
             for name, fact in FACTS.items():
@@ -584,7 +585,7 @@ def sweep_document(sweep: SweepEvaluation) -> table_text.Document:
         title=_sweep_title(sweep),
         lines=[
             f"{table_text.parameters_of(sweep.settings, '; ')}; {sizes_in_words(sweep.sizes)}",
-            "costs, and in brackets how many of each:",
+            "costs, with counts in parentheses:",
         ],
         tables=[table_text.table_of(table)],
         notes=list(_sweep_notes(sweep)),

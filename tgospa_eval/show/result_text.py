@@ -310,10 +310,10 @@ WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of it
 
 UNCERTAIN = (
     "r, s",
-    "probabilities of existence: the costs of missed and false targets are multiplied by them; a "
-    "pair costs the smaller one times its error, plus the mismatch |r - s| c^p/2, which is part "
-    "of localisation. Experimental: the paper does not say that switches cost the same whatever r "
-    "and s are",
+    "probabilities of existence of an object and of an estimate: a missed target costs r c^p/2, "
+    "a false one s c^p/2; a pair costs the smaller of r and s times its error, plus the mismatch "
+    "|r - s| c^p/2, which is part of localisation. Experimental: the paper does not say that "
+    "switches cost the same whatever r and s are",
 )
 
 
@@ -584,7 +584,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
     title = f"TGOSPA of {counted(size, 'window')} of {windows.size}{every}: {middle}{known}"
-    note = "; they do not add up; the worst ones that do not overlap:" if size > 1 else ""
+    note = "; windows do not add up; the worst that do not overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _disjoint(windows, np.argsort(-value, kind="stable"))
     names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]

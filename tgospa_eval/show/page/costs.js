@@ -112,7 +112,7 @@ const windows = doc.windows && {
   },
   draw() {
     const [low, high] = this.shown();
-    drawLines(this.canvas, { at: (k) => this.middle(k), values: doc.windows.lines, low, high, title: "per step of it" });
+    drawLines(this.canvas, { at: (k) => this.middle(k), values: doc.windows.lines, low, high, title: "per step of a window" });
   },
 };
 
@@ -189,7 +189,7 @@ function costWords(step) {
     const count = doc.counts[name] ? ` (${number(doc.counts[name][step])})` : "";
     return `${word(name)} ${number(doc.costs[name][step])}${count}`;
   });
-  return `${doc.together > 1 ? `a step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
+  return `${doc.together > 1 ? `mean step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
 }
 
 const barAt = (step) => costs.dearest(step, costs.canvas.clientWidth);

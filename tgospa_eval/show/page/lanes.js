@@ -89,7 +89,7 @@ const lanes = {
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
     const crowded = span() > 1.5 * (width - LEFT - RIGHT), notes = [];
-    if (crowded) notes.push("There are more steps than pixels: what hangs from the top of a lane is the share of steps that are missed or false.");
+    if (crowded) notes.push("There are more steps than pixels, so bars from the top of a lane show the share of steps that are missed or false.");
     if (printing && shown < whole) notes.push(`${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen.`);
     document.getElementById("lanes-note").textContent = notes.join(" ");
   },

@@ -96,8 +96,8 @@ const plane = {
     context.restore();
     document.getElementById("plane-note").textContent =
       (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
-      (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
-      (this.most > 1 ? `A mark stands for all of a kind that are near to each other, at most ${number(this.most)}; its area is their number. ` : "") +
+      (doc.stride > 1 ? `Drawn are one in ${doc.stride} positions, and all missed targets, false targets and changes of assignment. ` : "") +
+      (this.most > 1 ? `One mark stands for all events of a kind near each other, at most ${number(this.most)}; its area shows their number. ` : "") +
       shapes.note();
   },
 
