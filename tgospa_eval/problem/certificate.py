@@ -212,7 +212,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Return a lower bound of the cost of the objects of each block, (B,), from prices >= 0.
 
-    If a block was solved at smaller cutoffs (`reduce_cutoff`), the best bound from these cutoffs counts.
+    If a block was solved at smaller cutoffs (`reduce_cutoff`), the best bound from those counts.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)

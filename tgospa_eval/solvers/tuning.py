@@ -1,8 +1,9 @@
 """Tuned numbers of the certified solver, each with its reason.
 
 These numbers do not affect the validity of the bounds: any prices bound the optimum from below, and
-any feasible weights from above. They affect the time until both meet. Measurements are in the log
-of changes; "not measured" means a round number.
+any feasible weights from above. They affect the time until both meet. "Not measured" means a round
+number. Scenes such as 50,100,20,2 are settings m,T,area,noise of docs/performance.md: targets,
+steps, side of the square, and standard deviation of the errors.
 """
 
 import numpy as np
@@ -81,8 +82,8 @@ class Ascending:
 
     free: float = 8.0
     """If half a switch costs less than the last temperature, all steps are solved separately first.
-    If that leaves less than `Programming.nearly` of the cost, temperatures are fractions of `free`
-    times half a switch. Not measured."""
+    If the gap that is left is below `Programming.nearly` of the cost, temperatures are fractions of
+    `free` times half a switch. Not measured."""
 
     calm: float = 0.1
     calm_above: float = 0.01
@@ -92,9 +93,9 @@ class Ascending:
     skip: float = 0.01
     skip_above: float = 0.02
     skip_above_large: float = 0.05
-    """If brackets are narrower than the fraction `skip` of the cost, the stage after one above the
+    """If gaps are smaller than the fraction `skip` of the cost, the stage after a stage above this
     temperature is skipped. The temperature is higher for large problems, which have hard spots even
-    if the bracket of the whole is narrow. Not measured."""
+    if the gap of the whole is small. Not measured."""
 
     thresholds: tuple[float, ...] = (1.0, 0.0, 3.0)
     """Multiples of the temperature: prices up to these are tried as 0, as in slots without
@@ -112,14 +113,15 @@ class Programming:
     early_gap: float = 0.1
     early_states: int = 50_000
     """Reaches of programmes after each stage from the temperature `early_from` on (small problems:
-    `early_from_small`), if brackets are narrower than the fraction `early_gap` of the cost, of
-    components of up to `early_states` states. From prices at 0.01 on a programme takes as long as
-    the sweeps that would save it the iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds
-    with wide cutoffs 0.8 of the time. After 0.02, or with a reach of 0.05, it is often in vain. The
-    reach is above `afar` only if brackets are narrower than `nearly`: then a few paths are missing,
-    which stages do not find. 300,500,300,5 with c = 10 takes 4.3 instead of 8.8 s. A second
-    programme at 0.3 with the states that became attractive, and then one at 0.5, take 0.4 and 0.75
-    of the time of 50,100,31.6, where 1.0 would join half of all states."""
+    `early_from_small`), if gaps are smaller than the fraction `early_gap` of the cost. Only
+    components of up to `early_states` states have such programmes. From prices at 0.01 on a
+    programme takes as long as the sweeps that would save its iterations: 50,100,20,2 takes 0.37
+    instead of 0.57 s, crowds with wide cutoffs 0.8 of the time. After 0.02, or with a reach of
+    0.05, it is often in vain. The reach is above `afar` only if gaps are smaller than `nearly`:
+    then a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes 4.3
+    instead of 8.8 s. A second programme at 0.3 with the states that became attractive, and then one
+    at 0.5, take 0.4 and 0.75 of the time of 50,100,31.6, where 1.0 would join half of all
+    states."""
 
     crowd: int = 20_000
     crowded: float = 0.5
@@ -131,7 +133,7 @@ class Programming:
     """Reaches after the stages of a warm start, where a few prices may be far off. Not measured."""
 
     rounds: tuple[float, ...] = (0.1, 0.3, 0.3, 0.4, 1.0, np.inf)
-    """Reaches of the rounds at the end. The first closes nearly all brackets that sweeps have
+    """Reaches of the rounds at the end. The first closes nearly all gaps that sweeps have
     settled; the last is the plain programme, so that the method ends."""
 
     sure: float = 40.0
@@ -149,7 +151,8 @@ class Programming:
     its size: components in one programme take longer than one after the other."""
 
     after: int = 10
-    """Steps after the last state of a group in which its losses may still appear. Not measured."""
+    """Number of steps after the last state of a group in which its losses may still appear. Not
+    measured."""
 
     quick: int = 500
     build: float = 1e-5
@@ -160,8 +163,8 @@ class Programming:
     """Tolerance of HiGHS, for each state: if the open gap is less, duals are refined."""
 
     met: float = 1e-13
-    """Fraction of the cost below which brackets are as narrow as doubles allow, so that no more
-    prices are tried."""
+    """Fraction of the cost below which a gap is as small as doubles allow, so that no more prices
+    are tried."""
 
     snap: float = 1e-9
     overfull: float = 1e-15
