@@ -511,10 +511,10 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_truth(result: Evaluation) -> str:
-    """Return " of the truth" if values are divided by fewer steps than are evaluated."""
+    """Return " of the truth" if values are divided by other steps than the evaluated ones."""
     chosen = {"steps", "resample"} & result.parameters.keys()
-    fewer = result.evaluated_on.steps != result.sizes["steps"]
-    return " of the truth" if fewer and not chosen else ""
+    others = result.evaluated_on.steps != result.sizes["steps"]
+    return " of the truth" if others and not chosen else ""
 
 
 def _scale(result: Evaluation) -> Iterator[str]:

@@ -133,7 +133,7 @@ class TimeAxis:
     def edges(self) -> tuple[Floats, Floats]:
         """Begin and end of each step: the middle between it and its neighbours.
 
-        Next to a gap it is half the typical distance from the step.
+        Next to a gap, the begin or end is half the typical distance from the step.
         """
         if not len(self.at):
             return self.at, self.at

@@ -1,7 +1,7 @@
 // Stacked cost of each step, and the normalised cumulative cost.
 const costs = {
   canvas: document.getElementById("costs"),
-  // With more steps than pixels each pixel shows its costliest step, which a click also selects.
+  // If there are more steps than pixels, each pixel shows its costliest step, which a click selects.
   together: (width) => Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT))),
   dearest(step, width) {
     const size = this.together(width), first = step - (step - state.from) % size;
@@ -116,7 +116,7 @@ const windows = doc.windows && {
   },
 };
 
-// NEES of each step over its band, with gaps at steps without pairs; below it the ranks of particles.
+// NEES of each step over its band, with gaps at steps without pairs. Below it are the ranks of particles.
 const nees = doc.nees && {
   canvas: document.getElementById("nees"),
   words(step) {

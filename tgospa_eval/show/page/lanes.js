@@ -1,5 +1,5 @@
-// A lane for each truth, then one for each estimate with false steps; only visible lanes are drawn.
-const FOLDED = 40; // number of truths above which those without events are hidden
+// A lane for each true object, then one for each estimate with false steps; only visible lanes are drawn.
+const FOLDED = 40; // number of true objects above which those without events are hidden
 const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
@@ -186,7 +186,7 @@ const lanes = {
     if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
   },
 
-  // With more steps than pixels, the height is the share of unassigned steps of each pixel.
+  // If there are more steps than pixels, the height is the share of unassigned steps in each pixel.
   drawShares(context, run, inside, name, y, width) {
     const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
     for (const r of inside) {

@@ -24,7 +24,7 @@ const shapes = {
     return parts.length ? `Drawn along trajectories (more after zooming in): ${parts.join("; ")}. All of the selected step are drawn.` : "";
   },
 
-  // Deviations of two components at a step, and the angle between them, interpolated between known rows.
+  // Standard deviations of two components at a step, and the angle of their correlation, interpolated between known rows.
   spread(side, spread, track, step, across, up) {
     const { row } = side;
     if (!spread) return null;
