@@ -513,8 +513,8 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
 def _of_truth(result: Evaluation) -> str:
     """Return " of the truth" if values are divided by other steps than the evaluated ones."""
     chosen = {"steps", "resample"} & result.parameters.keys()
-    others = result.evaluated_on.steps != result.sizes["steps"]
-    return " of the truth" if others and not chosen else ""
+    differ = result.evaluated_on.steps != result.sizes["steps"]
+    return " of the truth" if differ and not chosen else ""
 
 
 def _scale(result: Evaluation) -> Iterator[str]:
