@@ -93,7 +93,7 @@ class Assigned:
     cost : (R,) float array
         Cost of the pair of each estimate row that follows a true object.
     saved : SavedSolution
-        Assigned stretches of time, and prices.
+        Assignments over time, and prices.
     """
 
     def __init__(self, states: States, weights: Ints, prices: Floats) -> None:

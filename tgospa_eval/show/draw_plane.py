@@ -422,7 +422,7 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """Draw a line for each stretch of steps; estimates take several colours in turn."""
+    """Draw a line through consecutive steps; estimates take several colours in turn."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
         return {}

@@ -142,7 +142,7 @@ def literal(text: str, width: int = 24) -> str:
 
 
 def power(unit: str, order: float) -> str:
-    """Return the unit of a cost in brackets after a space, or an empty text without a unit."""
+    """Return " (unit^p)", the unit of a cost, or an empty text if there is no unit."""
     raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
     return f" ({literal(unit)}{raised})" if unit else ""
 

@@ -295,7 +295,7 @@ class BlockBatch:
     limit : Limit
         Time limit and request to stop.
     progress : BatchProgress
-        Receiver of the brackets on the way.
+        Receiver of the bounds on the way.
     warm_start : WarmStart, optional
         Proposals that may already solve some blocks.
     """

@@ -45,7 +45,7 @@ WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
-"""Sweeps between two checks of the bracket, and the usual number of checks."""
+"""Number of sweeps between two checks of the bounds, and the usual number of checks."""
 
 MAX_SWEEPS = 2000
 FULL_TO = 1e-6
@@ -55,7 +55,7 @@ NEGLIGIBLE_SLACK = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class Sinkhorn(BatchSolver):
-    """Entropic approximation, with a proven bracket.
+    """Entropic approximation, with proven bounds.
 
     Parameters
     ----------
