@@ -334,7 +334,7 @@ def test_a_wide_bracket_is_said_in_words(shown: Callable) -> None:
     tab = shown(result)
     assert not result.certified
     words = tab.run("document.querySelector('.proof').innerText")
-    assert words.startswith("bracket")
+    assert words.startswith("bounds")
     assert "best assignment found" in words
     assert "is the cheapest" not in tab.run("document.querySelector('.how').textContent")
 

@@ -35,7 +35,7 @@ def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -
     text = words("r/report.html")
     assert "a: RMS-TGOSPA 1 m 6 jobs all exact 1 failed" in text
     assert "Proven order of these files by RMS-TGOSPA, best first: a, b" in text
-    assert "Values are those of the 2 jobs that all have, of 3" in text
+    assert "Values are over 2 of 3 jobs: those for which all entries have a value" in text
     assert "run a b 0 1.000 2.000 1 1.000 2.000 2 1.000 failed" in text
     assert "b/2 out/b/2.csv, line 1: no column for position" in text
     assert "switch a 3 1 m" in text  # jobs, per step

@@ -763,7 +763,7 @@ def test_proof_refuses_what_checkers_refuse(invoke: Invoke, write: Write) -> Non
     write("t.csv", f"id,t,x\n{rows}")
     for options, message in (
         (("-p", "1.7", "-c", "10"), "takes too long to check: choose a smaller cutoff"),
-        (("-p", "20000", "-c", "1"), "cannot hold the order 20000: at most 10000"),
+        (("-p", "20000", "-c", "1"), "cannot hold the order 20000: the largest is 10000"),
     ):
         answer = invoke("t.csv", "t.csv", *options, "-o", "r", "--proof", "-q")
         assert answer.status == 2

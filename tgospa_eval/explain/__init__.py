@@ -48,7 +48,7 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
-# Proof of savings: components that a repair touches are evaluated again, and others keep bounds.
+# Proof of savings: components that a repair touches are evaluated again; others keep their bounds.
 #
 #     V = sum over components of V_b + sum of the prices of tracks outside all components,
 #
@@ -100,8 +100,8 @@ class Trials:
     ) -> list[tuple[Candidate, Bounds, float]]:
         """Return each candidate that was tried before the stop, with its proven costs.
 
-        The costs are bounds of the cost after the repair, and the cost of the assignment, in units
-        of c^p.
+        These are the bounds of the cost after the repair, and the cost of the assignment found, in
+        units of c^p.
         """
         progress = stopwatch.progress
         tried = []
@@ -243,7 +243,7 @@ class Trials:
         step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
-        # A true object without a row on the grid before the edit had no pair.
+        # A true object that had no row on the grid before the edit had no pair.
         known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
         origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
@@ -257,7 +257,7 @@ TOP = 10
 """Default number of listed repairs."""
 
 TRIED = 2
-"""Largest number of trials per listed repair."""
+"""Largest number of repairs that are tried for each listed repair."""
 
 
 def explain(
@@ -329,7 +329,7 @@ def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conver
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Return kinds of repairs after which a filter could leave out different rows.
+    """Return kinds of repairs after which options could leave out other rows than before.
 
     Raises
     ------

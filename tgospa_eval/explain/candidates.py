@@ -1,6 +1,7 @@
 """Repairs that may save cost, with estimated savings if the rest of the assignment stays.
 
-Costs are in units of c^p. These savings only decide which repairs are tried: `explain` proves them.
+Costs are in units of c^p. The estimates only decide which repairs are tried. `explain` then proves
+the savings.
 """
 
 from bisect import bisect_left
@@ -37,7 +38,8 @@ NO_PARTNER = -1
 class AssignedStretch(NamedTuple):
     """Assignment of a true object to an estimate from step `begin` to step `end`, inclusive.
 
-    The assignment continues at steps without one of the two, as in the linear programme.
+    The assignment continues at steps at which one of the two is missing, as in the linear
+    programme.
     """
 
     truth: int
@@ -47,7 +49,7 @@ class AssignedStretch(NamedTuple):
 
 
 class Track:
-    """Rows of one side track by track, in the order of time."""
+    """Rows of the truth or of the estimate, track by track in the order of time."""
 
     def __init__(self, side: Objects, steps: int) -> None:
         self.side, self.steps = side, steps
@@ -86,11 +88,12 @@ class Assigned:
     truth, estimate : Track
         Rows of both sides.
     followed, follows : (R,) int arrays
-        Estimate with the largest weight for each truth row, and true object for each estimate row.
+        Estimate with the largest weight for each truth row, and true object with the largest weight
+        for each estimate row.
     cost : (R,) float array
         Cost of the pair of each estimate row that follows a true object.
     saved : SavedSolution
-        Assigned stretches of time, and prices.
+        Assignments over time, and prices.
     """
 
     def __init__(self, states: States, weights: Ints, prices: Floats) -> None:
@@ -146,7 +149,7 @@ class AddedRows:
     covariance : (N, d (d + 1) / 2) float array, optional
         Lower triangles of covariances, if the other rows have covariances.
     attributes : mapping of str to (N,) array, optional
-        Attributes of the other rows. A missing attribute has missing values.
+        Attributes that the other rows have, too. An attribute that is not given has missing values.
     """
 
     step: Ints
@@ -198,7 +201,7 @@ class Edit:
 
 
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return assigned stretches after an edit: old number, new estimate, begin and end of each."""
+    """Return assigned stretches after an edit: old number, new estimate, begin and end."""
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
@@ -256,7 +259,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past adds timestamps before the others, and rows keep their step numbers.
+    # A shift to the past adds timestamps at the beginning, and rows keep their step numbers.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -454,7 +457,7 @@ def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # A state that follows a true object saves the cost of a miss, less the cost of the pair.
+    # A state that follows a true object saves the cost of a miss minus the cost of the pair.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -488,8 +491,8 @@ def _without_rows(assigned: Assigned, track: int, rows: Ints) -> Candidate:
 # -------------------------------------------------------------------------------------------------
 # Repairs that add or move states: gaps filled, tracks extended, the whole estimate moved.
 #
-# Savings for the current assignment are measured by the base distance. For Gaussians and clouds a
-# distance between means is used that is not larger.
+# Savings for the current assignment are measured by the base distance. For Gaussians and clouds, a
+# distance between the means is used, which is not larger.
 
 LONGEST_EXTENSION = 50
 """Largest number of steps of an extension."""
@@ -518,7 +521,7 @@ class StatePlaces:
     period : (d,) float array
         Period of each column, infinite if it is not periodic.
     existence : (R,) float array, optional
-        Existence probability of each estimate row, where these probabilities count.
+        Existence probability of each estimate row, if these probabilities count.
     """
 
     def __init__(self, sides: AlignedPair, parameters: Parameters, *, probabilistic: bool) -> None:
@@ -580,8 +583,8 @@ def _with_rows(
 ) -> Candidate:
     """Return the candidate that adds rows to a track.
 
-    Values other than states are interpolated between the rows `ends` (N,): `share` (N, 1) is 0 at
-    the first row and 1 at the second.
+    Values other than states are interpolated between the two rows in `ends`, each (N,): `share`
+    (N, 1) is 0 at the first row and 1 at the second.
     """
     order = np.argsort(step)
     first, second = ends
@@ -674,7 +677,7 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """Yield the estimate without its median difference to the true objects that it follows."""
+    """Yield the removal of the median difference between estimates and the objects they follow."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):

@@ -12,7 +12,7 @@ cdef class Layout:
     states : States
         The blocks.
     switch_price : (T + 1,) float array
-        As `Problem.switch_price_at`, maybe lowered to a limit.
+        Result of `Problem.switch_price_at`, maybe lowered to a limit.
     price : float
     prices : (N,) float array, optional
         As in `relative_gains`.
@@ -93,7 +93,7 @@ cdef struct Row:
 
 
 cdef struct Paths:
-    double* value                # arrays of one row: gains less prices,
+    double* value                # arrays of one row: gains minus prices,
     double* forward              # results of `row_forward` and `row_backward` for each state
     double* none
     double* rest
@@ -188,9 +188,9 @@ cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
 cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noexcept nogil:
     """Add the losses of the assignment of one row against its best path to their steps.
 
-    They are the reduced costs, at the values of `row_forward`, of the transitions that the
-    assignment uses. Each is >= 0, and their sum is the regret of the row. `weight` begins with the
-    row, `at` with the first step.
+    The losses are the reduced costs, at the values of `row_forward`, of the transitions that the
+    assignment uses. Each loss is >= 0, and their sum is the regret of the row. `weight` begins with
+    the row, and `at` with the first step.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -435,7 +435,7 @@ cdef class Brackets:
     dual, primal : (B,), (B,) float arrays
         Upper bound of the gain of each block by the prices, and gain of the assignment.
     most : (B,) float array
-        Gain at which a block would cost 0: its unassigned cost less offsets; set by the caller.
+        Gain at which a block would cost 0: its unassigned cost minus offsets. The caller sets it.
     flags, chosen : (S,), (S,) uint8 arrays
         Marks of each state by the last survey, and the last chosen working set.
     best, own : (nodes,), (nodes,) float arrays
@@ -514,8 +514,9 @@ cdef class Brackets:
         """Compute the value of the best path of each row at the prices; with `judge`, also marks.
 
         The price of a state is that of its slots, from running sums in each column. With `judge`
-        also compute the value `own` of the best assignment at the prices, less its changes. Its
-        losses against the best paths are added to `regret`, step by step, unless that is NULL.
+        also compute the value `own` of the best assignment at the prices, minus the cost of its
+        changes. The losses of this assignment against the best paths are added to `regret`, step by
+        step, unless `regret` is NULL.
         """
         cdef Py_ssize_t r, s, low
         cdef i32 b, e, i, last
@@ -729,7 +730,7 @@ def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] firs
     (rows + 1,) on. States lie between the borders `low` and `high`; a state without a constraint is
     at the end of the state before it. `order` has the states by (high, number). A state that
     `follows` the state before it continues its value. Returns the value of "none" at each border,
-    and the value of each state at its end less that of "none", cut to [-leave, leave].
+    and the value of each state at its end minus that of "none", cut to [-leave, leave].
     """
     cdef Py_ssize_t F = order.shape[0], a, b, c
     cdef i32 s, r, at = 0
@@ -784,8 +785,9 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
     """Choose the states of a chain: 1 means chosen, with CERTAIN and FINAL at the ends of gaps.
 
     States that are NEAR by the flags of `survey`, and states in use, are chosen. If a row has only
-    one option in a stretch, and no other row competes for it, only the ends of the stretch are
-    chosen. Rows without competition are left out (docs/theory/solvers.md, "Working set").
+    one option for some steps, and no other row competes for it, only the first and the last of
+    these states are chosen. Rows without competition are left out (docs/theory/solvers.md, "Working
+    set").
     """
     cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
     cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
@@ -912,7 +914,7 @@ cdef class Chain:
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
     most : int
-        Largest number of links: with more nothing is built, and `links` is their number.
+        Largest number of links. If more are needed, nothing is built, and `links` is their number.
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
@@ -1219,7 +1221,7 @@ cdef class Chain:
         done : int
             Number of sweeps.
         violation : float
-            The largest violation of a column in the last of them.
+            The largest violation of a column in the last sweep.
         """
         cdef double violation = 0.0
         cdef int done = 0

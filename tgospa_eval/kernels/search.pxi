@@ -55,9 +55,9 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
     """Return near pairs of finite points of some steps, and distances; None if there are too many.
 
     The estimates of a step are sorted into cells along one axis, as wide as the cutoff, and each
-    point is compared with those of three cells. Rows of a step are [begin, end) of (2, steps). Rows
-    of pairs are counted from the first row of the first step, without rows of other steps. `most`
-    limits the number of compared pairs.
+    true object is compared with those of three cells. Rows of a step are [begin, end) of
+    (2, steps). Rows of pairs are counted from the first row of the first step, without rows of
+    other steps. `most` limits the number of compared pairs.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, k, count = 0, n = 0
     cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
@@ -145,7 +145,7 @@ def nearest_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                    int power, const double[::1] scale, Py_ssize_t sampled):
     """Return distances of some truth rows to the nearest estimate; each step must have estimates.
 
-    The rows of each step are at equal intervals, with at most `sampled` rows.
+    At most `sampled` rows of each step are used, at equal intervals.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, n = 0, count, by
     cdef double value, best

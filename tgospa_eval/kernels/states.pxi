@@ -46,7 +46,7 @@ cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogi
 def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
     """Return the pair of each entry, and truth and estimate of each pair, by (truth, appearance).
 
-    The entries of one true object are visited together, so that one mark per estimate is enough.
+    The entries of one true object are visited together, so that each estimate needs one mark only.
     """
     cdef Py_ssize_t N = truth.shape[0], e, a
     cdef i32 j, pairs = 0
@@ -178,7 +178,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
 
 def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
           bint single):
-    """Return each pair's states in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
+    """Return the states by pair and time: `pair_first`, `begin`, `entry` (-1 for a run).
 
     `first` and `last` (P,) are the window of each pair. With `single` a run is one state for each
     step. Entries must be in order of time.
@@ -245,8 +245,8 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
           const i32[::1] pair_node, const u8[::1] shared):
     """Return first slot of each shared node, step of each slot, and first slot of each state.
 
-    `order` has the states in order of time. For states of nodes that are not shared the slot is the
-    (empty) place of the node.
+    `order` has the states in order of time. Nodes that are not shared have no slots: the first slot
+    of their states is the (empty) place of the node.
     """
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
@@ -418,9 +418,9 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     Parameters
     ----------
     price : float
-        Cost of leaving both objects of an entry unassigned, if it is the same for all entries.
+        Cost of leaving both objects of an entry unassigned, if all entries have the same.
     prices : (N,) float array, optional
-        This cost of each entry, used instead of `price`.
+        The same cost for each entry, used instead of `price`.
 
     Returns
     -------
@@ -806,7 +806,7 @@ cdef class Terms:
 def break_down(states, const int64_t[::1] weight, int64_t one, bounds):
     """Return the sums of `problem.certificate.break_down`, for parts without a common pair.
 
-    `bounds` are the first pair, truth row and estimate row of each part, and the ends.
+    `bounds` are the first pair, first truth row and first estimate row of each part, and the ends.
 
     Returns
     -------

@@ -5,8 +5,9 @@ This module imports no solver, so that no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
-Blocks may be solved at a smaller cutoff. Let V(C) be the optimum at C = c^p. At step k there are
-m_k true objects and n_k estimates, and nu_k is the size of a largest matching of near pairs. Then
+Blocks (connected parts of the problem) may be solved at a smaller cutoff. Let V(C) be the optimum
+at C = c^p. At step k there are m_k true objects and n_k estimates, and nu_k is the size of a
+largest matching of near pairs. Then
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1,
 
@@ -71,8 +72,9 @@ class UnassignedPrices:
         """Return ``A (m - g) + B (n - g)`` for each block, as terms that are rounded down.
 
         This is the price of leaving all of a block unassigned except g pairs. The block has m
-        states of truths and n of estimates; each truth costs A and each estimate B (`alike`, which
-        must not be None). There is one term if A = B, otherwise one for each side.
+        states of true objects, with the price A each, and n states of estimates, with the price B
+        each (`alike`, which must not be None). If A = B there is one term, otherwise there is one
+        for the truth and one for the estimate.
 
         Parameters
         ----------
@@ -117,8 +119,9 @@ def certify(
 ) -> tuple[Bounds, Ints, Breakdown]:
     """Prove ``sum A + sum B - Z(v) <= optimum <= cost of W`` from proposed weights W and prices v.
 
-    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``, for any v >= 0. Both
-    bounds are summed in forms that do not cancel (docs/theory/certificate.md).
+    A and B are the prices of unassigned objects and estimates. For any v >= 0,
+    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``. Both bounds are summed in
+    forms in which no digits cancel (docs/theory/certificate.md).
 
     Parameters
     ----------
@@ -198,9 +201,10 @@ def lower_cost(problem: Problem, bound: float) -> float:
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
     """Return ``U (1 + 72 u) / (1 - delta)``: an upper bound for exact costs, from the total U.
 
-    The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U: each term is off by at most 3 u,
-    adding `TERMS_TOGETHER` = 64 terms by at most 63 u, and the rest is for the operations here.
-    The divisor covers the costs, which are right within delta = `cost_error` (see `lower_cost`).
+    The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U. Each term is off by at most 3 u,
+    and adding `TERMS_TOGETHER` = 64 terms by at most 63 u more. The other 6 u are for the
+    operations here. The divisor covers the error of the costs, at most delta = `cost_error`
+    (see `lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
@@ -208,7 +212,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Return a lower bound of the cost of the objects of each block, (B,), from prices >= 0.
 
-    For a block that was solved at smaller cutoffs (`reduce_cutoff`) it is the best of their bounds.
+    If a block was solved at smaller cutoffs (`reduce_cutoff`), the best bound from those counts.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -239,12 +243,13 @@ def _bounds_of_prices(
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
-    with the best pair of each row and step, and the best paths of the `relative_gains`. No digits
-    cancel, because the parentheses are exact sums or differences of integers.
+    Here ``best`` is the best pair of each row and step, and best_i the value of the best path of
+    row i at the `relative_gains`. No digits cancel, because the parentheses are exact sums or
+    differences of integers.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    left = np.ones(len(prices), np.int32)  # less 1 for each pair of the slot that is put aside
+    left = np.ones(len(prices), np.int32)  # minus 1 for each pair that is put aside
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -279,20 +284,21 @@ def _bounds_of_prices(
 def row_terms(
     rows: States, running: tuple[Floats, Ints], left: Ints
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return the terms of some rows in a lower bound, by node, at prices of `Slots.running`.
+    """Return the terms of some rows in a lower bound, by node, at prices from `Slots.running`.
 
-    The best pair of each row and step is put aside: `left` decreases by 1 at its slot.
+    The best pair of each row and step is put aside, to be counted separately. `left` decreases by 1
+    at the slot of this pair.
 
     Returns
     -------
     best : (nodes,) float array
-        Upper bounds of the values of the best paths, less the best pair of each row and step.
+        Upper bounds of the values of the best paths, relative to the pairs that are put aside.
     aside : (nodes,) float array
-        Lower bounds of the cost of these best pairs.
+        Lower bounds of the cost of the pairs that are put aside.
     pairs : (nodes,) float array
-        Number of these pairs.
+        Number of the pairs that are put aside.
     entry : int array
-        Entries of these pairs.
+        Entries of the pairs that are put aside.
     """
     steps = row_steps(rows)
     price = rows.columns.spans(running)
@@ -343,7 +349,7 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """Return bounds at C, (B,), by ``V(C) >= V(s C) + (1 - s) forced`` from bounds at s C.
+    """Return bounds at C, (B,), from the bounds `inner` at s C: V(s C) + (1 - s) forced.
 
     See `reduce_cutoff`. The bound is 0 for blocks that are not in `part`.
     """
@@ -387,7 +393,8 @@ def _in_chunks(terms: Floats) -> list[float]:
 def break_down(states: States, weights: Ints) -> Breakdown:
     """Return ``W D``, ``A (1 - row sums)``, ``B (1 - column sums)``, ``lambda |W' - W|`` by step.
 
-    The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
+    They are the localisation, missed, false and switch cost of a feasible assignment W
+    (docs/theory/metric.md, "Decomposition"), exact in W.
     """
     if not kernels:
         costs, terms = _break_down(states, weights)
@@ -400,8 +407,8 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
     """Break down parts of a problem that follow each other in time, by the kernels.
 
-    The four arrays of `bounds`, each (parts + 1,), are the first pair, the first row of the truth,
-    the first row of the estimates and the first step of each part, and the end of the last part.
+    `bounds` has four arrays (parts + 1,): first pair, first truth row, first estimate row and first
+    step of each part. The last element of each array is the end of the last part.
     """
     costs, terms = kernels.break_down(states, weights, ONE, bounds)
     steps = bounds[-1].tolist()
@@ -450,7 +457,7 @@ LARGEST_SWITCH_PRICE = 1e100
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
-    """Return some blocks as a problem with c^p times `scale`, a power of 2, as the unit of costs.
+    """Return some blocks as a problem with the unit of costs c^p times `scale`, a power of 2.
 
     Rows and tracks keep their numbers. All true objects must have the same price, and all estimates
     must have the same price (`Problem.object_prices`).
@@ -481,7 +488,8 @@ def _entries(states: States, blocks: Mask) -> Ints:
 def forced_cost(states: States, blocks: Mask) -> Floats:
     """Return ``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
-    The bound of nu_k is the size of a vertex cover of the near pairs: no cover is smaller (König).
+    nu_k is at most the size of a vertex cover of the near pairs. A smallest cover has exactly this
+    size (König).
     """
     problem = states.problem
     count = len(states.block_begin)
@@ -503,10 +511,10 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 
 
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
-    """Return rows of either side that cover the near pairs of some blocks.
+    """Return masks of truth rows and of estimate rows that cover the near pairs of some blocks.
 
-    They come from a largest matching and are the fewest possible. That they cover all near pairs is
-    checked.
+    These rows come from a largest matching and are the fewest possible. It is checked that they
+    cover all near pairs.
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -519,7 +527,7 @@ def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
 
 
 def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Mask, Mask]:
-    """Return a minimum vertex cover of a bipartite graph by König's theorem: marks of each side."""
+    """Return a smallest vertex cover of a bipartite graph by König's theorem, as two masks."""
     from scipy import sparse  # lazy: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching
 

@@ -17,11 +17,11 @@ DENSE_MATRIX = 4_000_000
 """Number of elements up to which the matrix of all pairs is always dense."""
 
 SPARSE_RATIO = 8
-"""A larger matrix is dense if it has at most so many elements for each near pair."""
+"""Largest number of elements per near pair of a larger matrix that is dense."""
 
 
 Switched = tuple[Floats, Floats]
-"""Switches into each step, (T,), and how many of the changes are from or to "none" (halves)."""
+"""Switches into each step, and the number of halves among the changes: those from or to "none"."""
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:

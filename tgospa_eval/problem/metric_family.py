@@ -19,10 +19,10 @@ POWER = 2.0**-50
 use are off by less than 2 units. Squares are rounded once."""
 
 SMALLEST_RHO = 1e-6
-"""Smallest distance of rho from 0 and from 1: a smaller share of c^p would lose its digits."""
+"""Smallest rho and 1 - rho: a smaller share of c^p would lose its digits."""
 
 SMALLEST_POWER = 1e-306
-"""Smallest positive cost and distance, near the end of the doubles: smaller ones count as this."""
+"""Smallest positive cost and distance, near the smallest double: smaller ones are raised to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,10 +148,10 @@ def tgospa_problem(
     distance_error : float
         Largest relative error of the distances.
     last_place : float
-        Largest change of a distance by the last places of the states.
+        Largest change of a distance by rounding of the last digits of the states.
     near : (N,) bool array, optional
-        Pairs that count as nearer than the cutoff; by default those whose distance is less. It is
-        given only if `ignore_states` follows.
+        Mask of the pairs that count as nearer than the cutoff; by default those whose distance is
+        less than the cutoff. It is given only if `ignore_states` follows.
 
     Raises
     ------
@@ -202,7 +202,7 @@ def _alike(price: float, size: int) -> Floats:
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Refuse a cost that consists of powers that underflow; next to larger costs they are harmless.
+    """Refuse a cost of powers that underflow; such powers are harmless next to larger costs.
 
     Raises
     ------
@@ -211,9 +211,9 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
-            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and the "
-            "distances that make the result: powers of their ratio are below the smallest double; "
-            "choose a smaller cutoff or a lower order"
+            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and these "
+            "errors: (error / cutoff)^p is below the smallest double; choose a smaller cutoff or a "
+            "lower order"
         )
 
 
@@ -224,7 +224,7 @@ def _cost_error(order: float, distance_error: float) -> float:
 
 
 def _price_error(parameters: Parameters) -> float:
-    """Return the relative error of 1 - rho, rounded once, and of 1 - (1 - rho), which is exact."""
+    """Return the relative error of the prices: 1 - rho is rounded, and 1 - (1 - rho) is exact."""
     missed, false = parameters.unassigned_prices
     return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
@@ -259,7 +259,7 @@ ROUNDED = 6 * 2.0**-53
 """Relative error of products with weights: each number has at most four rounded products."""
 
 SMALLEST_COST = 1e-300
-"""Smallest positive weighted cost, near the end of the doubles: smaller ones count as this."""
+"""Smallest positive weighted cost, near the smallest double: smaller ones are raised to it."""
 
 
 def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
@@ -320,9 +320,9 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
     If all probabilities are 1, the result is `problem` itself.
 
     The cost of a pair is an optimal transport between two Bernoulli densities, on the states and
-    "none", which is c / 2^(1/p) from every state. The common mass min(r, s) moves by d, and |r - s|
-    moves to or from "none". So the gain of an assigned pair is min(r, s) (1 - D). Pairs with r = 0
-    or s = 0 have no gain and are left out.
+    "none", which is c / 2^(1/p) from every state. The common probability min(r, s) moves by the
+    distance d, and the difference |r - s| moves to or from "none". So the gain of an assigned pair
+    is min(r, s) (1 - D). Pairs with r = 0 or s = 0 have no gain and are left out.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
 
 
 def needs_symmetry() -> str:
-    """Return the message that prices of missed and false targets must be equal."""
+    """Return the message that missed and false targets must cost the same."""
     return (
         f"{option('existence', 'use')} needs {option('rho', 0.5)}: with other prices of missed and "
         "false targets no proof is known that the result is a metric"

@@ -51,7 +51,7 @@ Gains = tuple[Floats, Floats, Ints]
 
 
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
-    """Return gains of states less their prices (S,), relative to the best pair of row and step.
+    """Return gains of states minus their prices (S,), relative to the best pair of row and step.
 
     These are ``(G - v) - r`` with ``r = max((A + B - D - v)_best, 0)``. They are computed as
     ``(D_best - D) + (v_best - v)`` and differences of A and B, which keep the digits that sums of
@@ -62,11 +62,11 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     Returns
     -------
     relative : (S,) float array
-        Upper bounds of the gains less the prices and the offsets of their steps.
+        Upper bounds of the gains minus the prices and the offsets of their steps.
     offset : (G,) float array
-        Lower bounds of the gain less price of the best pair of each row and step, 0 without a pair.
+        Lower bounds of gain minus price of the best pair of each row and step; 0 if it has no pair.
     best : (G,) int array
-        State of the best pair, -1 without a pair.
+        State of the best pair of each row and step; -1 if it has no pair.
     """
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
@@ -130,7 +130,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
 
 
 def row_steps(states: States) -> Slots:
-    """Return the slots of all rows, also of a single pair: the steps at which states begin."""
+    """Return the slots of all rows, also of rows with one pair: the steps where states begin."""
     rows, size = states.rows, np.diff(states.pair_first)
     single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
     if not single.any():
@@ -151,8 +151,9 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    A turn has the states that begin at the k-th step of their row, counting only steps at which
-    states of the row begin. The states before them end there. The first turn opens the window.
+    Turn k has the states that begin at the k-th step of their row, where only steps are counted at
+    which a state of the row begins. The earlier states of their pairs end there. At the first turn
+    the window begins.
 
     Parameters
     ----------

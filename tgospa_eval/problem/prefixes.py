@@ -29,9 +29,9 @@ def offsets(states: States) -> Offsets:
     entry : (G,) int array
         The cheapest entry.
     loss : (G,) float array
-        Offset: a lower bound of the gain of the cheapest entry, which runs and "none" lose.
+        Offset: a lower bound of the gain of the cheapest entry, subtracted from runs and "none".
     relative : (S,) float array
-        Upper bound of the gain of each state less its offset; 0 for runs.
+        Upper bound of the gain of each state minus its offset; 0 for runs.
     """
     problem, pair = states.problem, states.pair
     gaining = np.flatnonzero(states.entry >= 0)
@@ -76,12 +76,12 @@ class RowMoves:
     begins : (times + 1,) int array
         First place of each time in the four arrays of the states that begin, and the end.
     begin_pair, gains, relative, switch_price : arrays
-        Pair of each state that begins, whether it has a gain, its relative gain, and the price of
-        entering or leaving it there.
+        For each state that begins: its pair, whether it has a gain, its relative gain, and the
+        price of entering or leaving it there.
     charges, charge_pair, charge : arrays
-        First place of each time, pair and amount, for the prices that pairs pay.
+        Prices that pairs pay: first place of each time, pair and amount of each price.
     losses, loss_row, loss : arrays
-        First place of each time, row and amount, for the offsets that rows lose.
+        Offsets that rows lose: first place of each time, row and amount of each offset.
     """
 
     rows: Ints
@@ -315,8 +315,8 @@ class PrefixBounds:
     moves : RowMoves
         Events of the rows at the prices.
     total : (C,) float array
-        Unassigned prices of all objects less those of the cheapest pairs, plus these pairs'
-        costs.
+        Unassigned prices of all objects except those in cheapest pairs, plus the costs of the
+        cheapest pairs.
     size : (C,) float array
         Sum of the absolute values of the terms of `total` that were added with rounding.
     paid : (C,) float array

@@ -18,7 +18,7 @@ from tgospa_eval.errors import ConfigError
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
-    """Return the sum of the values of each index, (size,); values are added in their order."""
+    """Return the sum of the values of each index, (size,), added in the order of the values."""
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
@@ -33,7 +33,7 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """One side of a problem: fields of `Problem` without the prefix ``truth_`` or ``estimate_``."""
+    """True objects or estimates: fields of `Problem` without ``truth_`` or ``estimate_``."""
 
     count: int
     step: Ints
@@ -50,16 +50,17 @@ class Objects:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """The numbers A, B, D and lambda, in units of c^p; solvers do not know which metric they make.
+    """Prices A and B, costs D and switch prices lambda of a linear programme, in units of c^p.
 
-    Each side is a flat table with one row per state, an existing object at a step, sorted by
-    (step, track). An entry is a pair of rows of one step with a gain if it is assigned.
-    Assigning any other pair changes no cost.
+    A solver needs only these numbers, whichever member of the metric family they are of. Truth and
+    estimate (the two sides) are flat tables. A table has a row for each object at each step at
+    which it exists, sorted by (step, track). An entry is a pair of rows of one step that gains
+    something if it is assigned. Assigning any other pair gains nothing.
 
     Parameters
     ----------
     steps, truths, estimates : int
-        Sizes T, m, n.
+        Number T of steps, m of true objects and n of estimates.
     truth_step, truth_track, truth_price : (R_truth,) arrays
         Step and track of each existing true object, and the price A of leaving it unassigned.
     estimate_step, estimate_track, estimate_price : (R_estimate,) arrays
@@ -69,18 +70,18 @@ class Problem:
     cost : (N,) float array
         Cost of each assigned pair, less than A + B.
     switch_price : float or (T - 1,) float array
-        Price of half a switch, for all transitions or for each.
+        Price of half a switch: one number, or one for each pair of neighbouring steps.
     cost_error : float
         Largest relative error of the costs and switch prices; bounds are widened by it.
     cost_slack : float
         Upper bound of the amount by which the sum of the costs of an assignment is too large.
     rounding : float
-        An optimum below this may be caused by rounding in the last digits of the states alone.
+        If the optimum is below this, rounding of the last digits of the states could cause it.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, if the cost is not A + B times this: see `weight_existence` and
+        (d / c)^p of each entry, if its cost is not (A + B) (d / c)^p: see `weight_existence` and
         `ignore_states`.
     unjudged : pair of (R,) bool arrays, optional
-        Ignored objects and excused estimates, which cost nothing: see `ignore_states`.
+        Masks of ignored objects and of excused estimates: see `ignore_states`.
     pair_share : (N,) float array, optional
         Factor of (d / c)^p in the cost of each entry, from `ignore_states`; 0 for an ignored
         object. By default A + B, or 2 min(A, B) with probabilities of existence.
@@ -178,7 +179,7 @@ class Problem:
 
     @cached_property
     def pair_price(self) -> float | None:
-        """A + B of the `object_prices`, None without them."""
+        """A + B, or None if `object_prices` is None."""
         return None if self.object_prices is None else sum(self.object_prices)
 
     def weight(self, entry: Ints | slice) -> Floats | float:

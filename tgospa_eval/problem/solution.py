@@ -29,7 +29,7 @@ class Solution:
     detail : str
         Details of the status.
     unsolved : pair of int, optional
-        Number of components that were not solved, and of all that were not trivial.
+        Number of unsolved components, and number of all components that were not trivial.
     iterations : int
         Sweeps or simplex iterations.
     finished : bool
@@ -94,9 +94,9 @@ class Bounds(Interval):
     Parameters
     ----------
     lower, upper : float
-        The bracket; `upper` is the cost of a feasible assignment.
+        The two bounds; `upper` is the cost of a feasible assignment.
     rounding : float
-        An `upper` below this may come from the last places of the states alone.
+        If `upper` is below this, rounding of the last digits of the states could cause it.
     """
 
     rounding: float = 0.0
@@ -107,11 +107,11 @@ class Bounds(Interval):
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
     def within_rounding(self, gap: float) -> bool:
-        """Return whether the bracket is wider than `gap` and the cost is within its rounding."""
+        """Return whether the gap exceeds `gap`, but rounding could cause the whole cost."""
         return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
-        """Return whether the bracket is within the relative `gap`, or the cost within rounding."""
+        """Return whether the relative gap is at most `gap`, or rounding could cause the cost."""
         return self.upper - self.lower <= gap * self.upper or self.upper <= self.rounding
 
 
@@ -126,7 +126,7 @@ class Breakdown:
     missed_count, false_count, switch_count : (T,) float arrays
         Unassigned existing objects, and half the total variation of the assignment.
     total : float
-        The whole cost, summed from its terms and not from the costs of steps.
+        The whole cost, summed from its terms instead of the costs of steps.
     """
 
     localisation: Floats
@@ -141,7 +141,7 @@ class Breakdown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Brackets:
-    """Costs of N stretches of steps, each evaluated separately (curve, windows), in units of c^p.
+    """Costs of N intervals of steps (curve, windows), each evaluated separately, in units of c^p.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class Brackets:
     parts : (4, N) float array
         Localisation, missed, false and switch cost of the assignment with the cost `upper`.
     rounding : (N,) float array
-        Limits of rounding as in `Bounds`.
+        Limits of rounding, as in `Bounds`.
     """
 
     lower: Floats
@@ -159,7 +159,7 @@ class Brackets:
     rounding: Floats
 
     def met(self, gap: float) -> Mask:
-        """Return whether each bracket is met, as `Bounds.met`, (N,)."""
+        """Return whether each interval is solved, (N,), as `Bounds.met`."""
         narrow = self.upper - self.lower <= gap * self.upper
         met: Mask = narrow | (self.upper <= self.rounding)
         return met
@@ -174,7 +174,7 @@ class Windows(Brackets):
     first, last : (N,) int arrays
         The first and the last of the T steps that are in each window.
     size, every : str
-        Length of a window, and distance to the next window, in words; blank until they are known.
+        Length of a window, and distance to the next window, in words; empty until known.
         The last window may be nearer to the one before.
     """
 
@@ -186,7 +186,7 @@ class Windows(Brackets):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssignedPairs:
-    """Assigned pairs of existing objects that are nearer than the cutoff, by (step, truth).
+    """Assigned pairs of existing objects nearer than the cutoff, sorted by (step, truth).
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class Unjudged:
     Parameters
     ----------
     ignored, excused : int arrays
-        Number of ignored objects and of excused estimates.
+        Number of ignored objects, and number of excused estimates.
     absorbed : float array
         Number of estimates that follow an ignored object, counted by their weights.
     """
@@ -227,7 +227,7 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Add up several evaluations of the same steps; None if there are none."""
+        """Add up several evaluations of the same steps; None if `several` is empty."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
@@ -262,10 +262,10 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
 
 
 def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
-    """Return the rows of either side that other metrics count, by a feasible assignment (S,).
+    """Return masks of the truth rows and estimate rows that other metrics count.
 
-    They do not count ignored objects, estimates that mostly follow an ignored object, and excused
-    estimates that do not mostly follow another object.
+    Other metrics do not count ignored objects, nor estimates that mostly follow an ignored object
+    in the feasible assignment (S,), nor excused estimates that do not mostly follow another object.
     """
     problem = states.problem
     truths, estimates = problem.sides
@@ -296,14 +296,14 @@ def read_assigned(states: States, weights: Ints) -> AssignedPairs:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Switches:
-    """Changes of the assignment of each true object, by (step, truth).
+    """Changes of the assignment of each true object, sorted by (step, truth).
 
     Parameters
     ----------
     step, truth : (N,) int arrays
         Step and true object of each change.
     before, after : (N,) int arrays
-        Estimates with the largest fall and the largest rise of weight, -1 if none falls or rises.
+        Estimate whose weight falls most, and estimate whose weight rises most; -1 for none.
     variation : (N,) float array
         Total variation, twice the number of switches.
     """
@@ -344,14 +344,15 @@ def read_switches(states: States, weights: Ints) -> Switches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerTrack:
-    """Contribution of each trajectory of a side, in units of c^p.
+    """Contribution of each of k true objects, or of k estimates, in units of c^p.
 
     Parameters
     ----------
     localisation, unassigned, switch : (k,) float arrays
-        Costs of its errors, of the steps at which it is missed or false, and of its switches.
+        Cost of its errors, cost of the steps at which it is missed or false, and cost of its
+        switches.
     unassigned_count, switch_count : (k,) float arrays
-        Number of steps at which it is missed or false, and of its switches.
+        Number of steps at which it is missed or false, and number of its switches.
     """
 
     localisation: Floats

@@ -1,11 +1,12 @@
 """The reduced problem: states that can be assigned, and the slots for which they compete.
 
-A *state* is a pair of trajectories over a stretch of steps on which its assignment can be assumed
-constant: one step with a gain, or a maximal run of steps without (docs/theory/reductions.md, "Run
-merging"). Their number grows with the gains, not with pairs x steps. Blocks (connected components
-of the pair graph, each in its own window of time) share nothing and are contiguous in every array.
+A *state* is a pair of trajectories over an interval of steps on which its assignment can be assumed
+constant: one step with a gain, or a maximal run of steps without a gain (docs/theory/reductions.md,
+"Run merging"). The number of states grows with that of gains, not with pairs x steps. Blocks
+(connected components of the pair graph, each in its own window of time) share nothing and are
+contiguous in every array.
 
-A *slot* is a stretch of steps of a node on which the states that compete for it do not change; the
+A *slot* is an interval of steps of a trajectory on which the competing states do not change; the
 weights of these states sum to at most 1. Weights are integers, so that this is checked exactly.
 `merge_runs` makes the states of a problem: pairs, components, windows, runs, slots.
 """
@@ -26,7 +27,7 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import Objects, Problem, sum_parts
 
 PART = 1 << 19
-"""States of a part, where arrays as long as all states would need too much memory."""
+"""Number of states in a part, if arrays as long as all states would need too much memory."""
 
 CROWD, FULL_SUM = 4000, 1 << 61
 """Sums of up to CROWD pairs of a node fit into 64 bits, because weights are below 2^50. For nodes
@@ -34,11 +35,12 @@ with more pairs, sums above FULL_SUM are replaced by FULL_SUM."""
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
-    """Return ``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
+    """Return a unit for each part of the values, and running sums of value / unit, (K + 1,).
 
-    Part i begins at first[i]. Differences of the integer sums are exact, even if the sum over all
-    parts overflows, and a small sum keeps its digits next to large values of other parts. With
-    `floor` values never become larger (docs/theory/certificate.md, "Rounding").
+    Part i begins at first[i]. Its unit is 2^(e - 62), where 2^e > sum |value|. The K values are
+    rounded to integers in these units. Differences of the integer sums are exact, even if the sum
+    over all parts overflows, and a small sum keeps its digits next to large values of other parts.
+    With `floor`, rounding never makes a value larger (docs/theory/certificate.md, "Rounding").
     """
     size = sum_parts(np.abs(value), first)
     unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
@@ -51,7 +53,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
-    """Return whether the weight of each state differs from that of the pair's state before it."""
+    """Return whether each state has another weight than the state of its pair before it."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
     differs[pair_first[:-1]] = False
@@ -97,7 +99,7 @@ class Slots:
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Return whether each state, or each chosen one, covers a slot that is marked (K,)."""
+        """Return whether each state, or each chosen state, covers a `marked` slot (K,)."""
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
         begin, end = self.begin, self.end
@@ -127,7 +129,7 @@ class Slots:
         return self._accumulate(weight)
 
     def loads(self, weight: Floats | Mask) -> Floats:
-        """Return `sums` of weights that need not be integers; for booleans, counts of true ones."""
+        """Return sums as `sums` for weights that are not integers; for a mask, counts of states."""
         weight = weight.astype(np.float64, copy=False)
         if kernels:
             sums: Floats = kernels.slot_loads(
@@ -149,13 +151,13 @@ class Slots:
         return exact_running(price, self.first, floor=floor)
 
     def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
-        """Return the sum of the prices (K,) over the slots of each state, or of the chosen ones."""
+        """Return the sum of the prices (K,) over the slots of each state, or each chosen state."""
         return self.spans(self.running(price, floor=floor), chosen, floor=floor)
 
     def spans(
         self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
     ) -> Floats:
-        """Return `totals` from known running sums; with `floor` no sum is too large."""
+        """Return `totals` from known running sums; with `floor`, no sum is rounded up."""
         unit, sums = running
         if kernels:
             total: Floats = kernels.spans(
@@ -193,7 +195,7 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""Largest number of states with which the whole keeps the `rows` that `between` makes."""
+"""Largest number of states of a problem that keeps the `rows` that `between` makes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -291,7 +293,7 @@ class States:
 
     @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
-        """Block of each true object, and of each estimate, -1 for those without a near pair."""
+        """Block of each true object, and block of each estimate; -1 without a near pair."""
         sizes = self.problem.truths, self.problem.estimates
         blocks = np.full(sizes[0], -1, np.int64), np.full(sizes[1], -1, np.int64)
         for block, track in zip(blocks, self.pair_tracks, strict=True):
@@ -319,7 +321,7 @@ class States:
         return gain
 
     def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
-        """Return a part of some pairs, of whole rows, and the places of its states.
+        """Return all pairs of some rows as separate states, and the places of the states.
 
         Nodes, blocks and column slots keep their numbers. A slice of pairs copies little.
         """
@@ -347,7 +349,7 @@ class States:
         return part, own
 
     def cuts(self, size: int) -> list[tuple[int, int]]:
-        """Return ranges of blocks, for `between`, with at least `size` states except the last."""
+        """Return ranges of blocks for `between`; all but the last have at least `size` states."""
         blocks = len(self.block_begin)
         if 0 < len(self.begin) <= size:
             return [(0, blocks)]
@@ -401,7 +403,7 @@ class States:
 
 
 def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
-    """Return the smallest node of each node's component, of a graph with edges (a, b)."""
+    """Return the smallest node in the component of each node, in a graph with edges (a, b)."""
     if kernels:
         first: Ints = kernels.components(
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
@@ -417,10 +419,11 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
 """Integer that means the weight 1: multiples of 1/2 to 1/18 are exact. It is near 2^50, so that
-sums of some thousand weights fit, and each is a double (docs/theory/certificate.md, "Repair")."""
+sums of some thousand weights fit into 64 bits, and each weight is a double
+(docs/theory/certificate.md, "Repair")."""
 
 STATES_A_STEP = 32
-"""States of a part for each of its steps: fewer would take no longer than calling a function."""
+"""Least number of states per step in a part: with fewer, calls take longer than their work."""
 
 SNAP_WHOLE = ONE * 1e-9
 """Distance from 0 and 1 within which weights are set to 0 or 1."""
@@ -460,7 +463,7 @@ def _fit(slots: Slots, weights: Ints) -> Ints:
 
 
 def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
-    full = np.zeros(len(sums) + 1, np.int32)  # number of slots before each that are too full
+    full = np.zeros(len(sums) + 1, np.int32)  # how many of the earlier slots are too full
     np.cumsum(sums > ONE, out=full[1:])
     sums = np.append(sums, 0)
     begin, end = slots.begin, slots.end
@@ -468,7 +471,7 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
     over = over[np.argsort(begin[over], kind="stable")]
     bounds = np.stack((begin[over], end[over]), axis=1).ravel()
     fullest = np.maximum.reduceat(sums, bounds)[::2]
-    # The factor is reduced by more than the product can be rounded up.
+    # The factor is reduced by more than rounding can raise the product.
     factor = ONE / fullest * (1 - 2.0**-48)
     weights[over] = np.floor(weights[over] * factor)
 
@@ -476,8 +479,8 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
     """Yield the states in parts of whole rows, about PART states each, and their places.
 
-    For given prices rows do not depend on each other. Nodes and column slots keep their numbers. A
-    pass over a part needs a turn for each step, so parts of long recordings are larger.
+    If prices are given, rows do not depend on each other. Nodes and column slots keep their
+    numbers. Parts of long recordings are larger, because a pass over a part needs a turn per step.
     """
     size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:
@@ -496,7 +499,7 @@ def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
-    """Return states whose weight differs from that of the state before, and |difference| / ONE."""
+    """Return states with another weight than the state before, and |difference| / ONE."""
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
 

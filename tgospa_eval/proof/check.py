@@ -1,4 +1,4 @@
-"""Checks of proof folders in exact integers: the claim of each, and whether it holds."""
+"""Checks of proof folders in exact integers: whether the claim of each folder holds."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -110,7 +110,7 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
     files : Folder
         Reader of the folder.
     more : callable
-        Further check, which raises `Wrong` or returns its outcome in words.
+        Further check. It raises `Wrong`, or returns its outcome in words.
 
     Raises
     ------
@@ -136,13 +136,13 @@ def _folders(folder: str) -> list[str]:
         if folders:
             return folders
     raise InputError(
-        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes "
-        "one, in Python Result.proof.save(folder)"
+        f"{folder}: there is no proof.json in it; tgospa-eval TRUTH ESTIMATE -o DIR --proof writes "
+        "one, as does Result.proof.save(folder) in Python"
     )
 
 
 def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
-    """Yield a claim for each class without a proof, where classes were proven separately."""
+    """Yield a failed claim for each class without a proof, if classes were proven separately."""
     there, needed = set(), set()
     for path in folders:
         with suppress(*verify_tgospa.DAMAGED):  # the claim reports the damage

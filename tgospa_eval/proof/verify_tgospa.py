@@ -12,7 +12,7 @@ where P is 1 - rho for true objects and rho for estimates (rho = 1/2 by default)
 if both exist with d < c, else 0, and L = (g / c)^p / 2 with the switch penalty g. With masks P is 0
 for true objects with the weight w = 0 and for excused estimates, and G = P_i + P_j - w (d / c)^p if
 this is positive and d < c, else 0. The least cost is (TGOSPA / c)^p. The folder has an assignment,
-which is checked; its cost is an upper bound. It also has prices v_j(k) >= 0. For any such prices
+which is checked; its cost is an upper bound. The folder has prices v_j(k) >= 0. For any such prices
     sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
 is a lower bound, where R_i is the most that object i can gain if it pays v_j(k) for using j at k, L
 for taking an estimate and L for leaving it. Proof: the prices times sum_i W_ij(k) - 1 <= 0, added
@@ -432,7 +432,7 @@ def verify(folder):
 
 
 def main(arguments):
-    """Return the exit status: 0 claim holds, 1 claim does not hold, 2 wrong usage, 3 no proof."""
+    """Return the exit status: 0 the claim holds, 1 it does not, 2 wrong usage, 3 no proof."""
     if len(arguments) != 1:
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2

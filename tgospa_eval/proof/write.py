@@ -1,4 +1,4 @@
-"""A result as a proof folder: both compared tables, prices, assignment, and the claim."""
+"""A result as a proof folder: the two compared tables, prices, assignment, and the claim."""
 
 import csv
 import decimal
@@ -84,7 +84,7 @@ def proof_tables(
 
 
 def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
-    """Return the column of marks of a side, in a list; empty without marks."""
+    """Return a list with the column of marks of a table; empty if it has no marks."""
     if unjudged is None:
         return []
     return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
@@ -98,7 +98,7 @@ def times_of(compared: ComparedSides) -> list[str]:
 def difference(name: str, one: str, other: str, cutoff: float) -> str:
     """Return where two tables first differ, in words; empty if they are the same.
 
-    Distances are the same within DISTANCE_TOLERANCE; a pair at the cutoff may be in one table only.
+    Distances may differ by DISTANCE_TOLERANCE, and a pair at the cutoff may be in one table only.
     """
     if name == "distances.csv":
         return _difference_of_distances(one, other, cutoff)
@@ -171,8 +171,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   objects are ignored (A = 0) or all estimates excused (B = 0). Proof: each gain has
 #   G <= s G' + (1 - s) (A + B) (y + z), so each object gains at most s times its gain there, plus
 #   (1 - s) (A + B) y.
-# - For some blocks nothing is proven. With the price B wherever an estimate may be used, no object
-#   gains more than its own A, so that these blocks do not lower the bound of the rest.
+# - For some blocks nothing is proven. If the price is B wherever an estimate may be used, no object
+#   gains more than its own A, so that these blocks do not lower the bound of the other blocks.
 # - A and B of a problem are doubles, those of a checker are exact: see `_of_slots`.
 
 Prices = Counter[tuple[int, int]]
@@ -196,7 +196,7 @@ Shares = tuple[Fraction, Fraction]
 def estimate_prices(
     states: States, prices: Floats, reduced: tuple[Reduced, ...], shares: Shares, bits: int
 ) -> Prices:
-    """Return prices that prove the bound of the certificate, in units of 2^-bits c^p."""
+    """Return prices, in units of 2^-bits c^p, that prove the bound of the certificate."""
     problem = states.problem
     own = int(shares[1] * (1 << bits))
     part_of = np.full(len(states.block_begin), -1)
@@ -385,7 +385,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
         ("max_speed", "a reach that grows with time"),
     ):
         if name in settings:
-            raise ConfigError(f"a proof folder cannot hold {what}: leave one of the two out")
+            raise ConfigError(f"a proof folder cannot hold {what}: leave out the proof or {what}")
     if settings["distance"] not in verify_tgospa.EXTRAS:
         raise ConfigError(
             f"a proof folder cannot hold the distance {quoted(settings['distance'])}: it "
@@ -393,8 +393,8 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
         )
     if parameters.order > verify_tgospa.TOP_ORDER:
         raise ConfigError(
-            f"a proof folder cannot hold the order {parameters.order:g}: at most "
-            f"{verify_tgospa.TOP_ORDER} is checked"
+            f"a proof folder cannot hold the order {parameters.order:g}: the largest is "
+            f"{verify_tgospa.TOP_ORDER}"
         )
     for name in (*compared.labels.truths, *compared.labels.estimates, *compared.columns):
         if len(name) > csv.field_size_limit() or as_unicode(name) != name:
@@ -421,7 +421,7 @@ def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
             verify_tgospa.verify(folder)
         except verify_tgospa.BeyondLimits as error:
             raise ConfigError(
-                f"{error}; a proof folder of this takes too long to check: choose a smaller "
+                f"{error}; the proof folder takes too long to check: choose a smaller "
                 "cutoff, or an order that is a whole number"
             ) from None
         except (verify_tgospa.Wrong, *verify_tgospa.DAMAGED) as error:
@@ -476,8 +476,8 @@ def _claim(proof: PairProof) -> list[str]:
     """Return the printed bounds of the total, widened by the rounding of unproven distances.
 
     The relative part is for (d / c)^p of distances that `proof_tables` computes from costs. The
-    absolute part is for d of boxes (1 minus a ratio near 1) and round a circle (the period minus a
-    difference). An assignment has at most as many pairs as the smaller side has states.
+    absolute part is for d of boxes (1 minus a ratio near 1) and for d around a circle (the period
+    minus a difference). An assignment has at most as many pairs as the smaller table has states.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
@@ -507,10 +507,10 @@ def _steps_of_tables(problem: Problem) -> Ints:
 
 
 def _at_steps(there: Ints, prices: Prices) -> Prices:
-    """Return the prices at the steps `there`: each moves to the next of these, or to the last.
+    """Return the prices at the steps `there`: each moves to the next of these steps, or the last.
 
     A path that uses the estimate at the new step may as well use it since the old step, or from the
-    last step to the end: nothing is gained between these steps, and it pays the price once.
+    last step to the end: it gains nothing between these steps, and pays the price once.
     """
     priced: Prices = Counter()
     steps = np.array([step for _, step in prices], np.int64)
@@ -521,11 +521,11 @@ def _at_steps(there: Ints, prices: Prices) -> Prices:
 
 
 def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
-    """Return true object, estimate, first and last step, and weight of stretches of equal weight.
+    """Return true object, estimate, first step, last step and weight of each assignment in time.
 
-    A stretch that reaches an end of the window of its block is extended to that end of the
-    recording. Ends are among the steps `there`: between these nothing is gained, so the cost does
-    not grow.
+    An assignment lasts while its weight is constant. If it reaches an end of the window of its
+    block, it is extended to that end of the recording. It begins and ends at steps in `there`: no
+    pair gains between these, so the cost does not grow.
     """
     saved = save_solution(proof.states, proof.weights, proof.prices)
     begin = np.searchsorted(there, saved.begin)

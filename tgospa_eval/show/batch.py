@@ -1,7 +1,7 @@
 """Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
-The proven order holds for these files; the statistical order is about similar files. Tables, page
-and pictures are made from the tables in this module.
+The proven order holds for these files, and the statistical order is about similar files. The page
+and the pictures are made from the tables in this module.
 """
 
 import itertools
@@ -40,9 +40,12 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""Kinds of curves by their costs under the root mean square: costs of the step at t; their sum up
-to t divided by the number of steps of the horizon up to t; the same from an evaluation of these
-steps alone."""
+"""Kinds of curves. They differ in the cost of a run at time t, under the root mean square.
+
+``step``: the cost of the step at t. ``cumulative``: the sum of the costs up to t, divided by the
+number of steps of the horizon up to t. ``growing``: the same, with costs from an evaluation of the
+steps up to t alone.
+"""
 
 LINE_NAMES = {
     "total": "RMS-TGOSPA",
@@ -80,7 +83,7 @@ KIND_COLUMN = "curve"
 """Column between the labels and `POINT_COLUMNS` in a table with several curves."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
-"""Lower and upper ends; None if too few runs count."""
+"""Lower and upper ends of a band at each time; None if too few runs count at that time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +93,8 @@ class RmsCurve:
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group, and parameters if they differ; their names differ from all columns.
+        Labels of the group, and its parameters if those differ in the batch. No name is
+        that of a column.
     kind : str
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
@@ -98,8 +102,8 @@ class RmsCurve:
     runs : sequence of int
         Number of runs that count at each time.
     rms : mapping of str to sequence of float
-        Root mean squares at the K times, in state units: ``total``, and the parts by name. Costs
-        per time step also have ``gospa`` and ``gospa.PART``.
+        Root mean squares at the K times, in state units: ``total``, and the parts by name. Curves
+        of the kind ``step`` also have ``gospa`` and ``gospa.PART``.
     bands : mapping of str to pair of sequence of float
         Band around each line; empty if there are too few runs.
     bounds : pair of sequence of float, optional
@@ -107,8 +111,9 @@ class RmsCurve:
     band : str
         Kind of the bands, one of `BANDS`.
     means : mapping of str to sequence of float
-        Means for curves per time step: ``truth_states`` and ``estimate_states`` of a run,
-        ``detection_rate`` and ``nees`` over all runs; NaN at times without a value.
+        Means at each time, for curves of the kind ``step``: of ``truth_states`` and
+        ``estimate_states`` of a run, and of ``detection_rate`` and ``nees`` over all runs. They are
+        NaN at times without a value.
     """
 
     group: Mapping[str, str]
@@ -159,7 +164,7 @@ def on_one_axis(
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
     """Return the common time axis of all curves, the positions of each curve on it, and its ends.
 
-    Times of several kinds have no order. The axis then shows numbers of steps.
+    If times are of several kinds, they have no order, and the axis shows numbers of steps.
     """
     try:
         positions = places([curve.times for curve in curves])
@@ -221,23 +226,27 @@ class Ranking:
     label : str
         Name of the label.
     entries : list of dict
-        Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
-        ``per_step``, parts by name; ``confidence``, the 95 % interval of `combined`, and
-        ``statistical_place``. The last two are None if there are too few pairs.
+        The entries, best first. Each has its ``name``, its proven ``place`` (best and worst
+        possible), lower and upper bounds of ``combined`` and ``per_step``, and parts by name. It
+        also has ``confidence``, the 95 % interval of `combined`, and ``statistical_place``; both
+        are None if there are too few pairs.
     comparisons : list of dict
         All pairs of entries; the ``first`` has the smaller value. Each has the proven ``verdict``
-        and the bounds of the ``difference`` of `combined`; ``lower`` and ``upper`` end of its 95 %
-        interval, ``p_value``, ``p_holm`` and ``significant``, which are None with too few pairs.
+        and the proven bounds of the ``difference`` of `combined`. It also has the ends ``lower``
+        and ``upper`` of the 95 % interval of the difference, ``p_value``, ``p_holm`` and
+        ``significant``, which are None if there are too few pairs in the statistics.
     jobs, all_jobs : int
-        Number of compared jobs of each entry, and of jobs for which any entry has a value.
+        `jobs` is the number of compared jobs of each entry. `all_jobs` is the number of jobs for
+        which any entry has a value.
     pairs : int
-        Number of pairs in the statistics: of truths, or of jobs if there is only one truth.
+        Number of pairs in the statistics. A pair has the values of two entries for one truth, or
+        for one job if there is only one truth.
     truths : int
         Number of truths.
     permutations : int
         Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Seed of the permutations, if they are drawn.
+        Seed of the permutations, if these are random and not all.
     order : float
         The order p.
     parameters : mapping of str to float or str
@@ -266,7 +275,7 @@ class Ranking:
 
     @property
     def p_values(self) -> list[float | None]:
-        """P value of the difference to the first entry, NaN for itself; None for too few pairs."""
+        """P value of the difference to the first entry; NaN for itself, None for too few pairs."""
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -280,7 +289,7 @@ class Ranking:
         )
 
     def total(self, entry: Json) -> Interval:
-        """Return the bracket of the cost per step of an entry."""
+        """Return both bounds of the cost per step of an entry."""
         value = bracket(entry, "per_step")
         return Interval(lower=value.lower**self.order, upper=value.upper**self.order)
 
@@ -401,10 +410,10 @@ class BatchTables:
     def shown_groups(self) -> list[Json]:
         """All groups, in the order of the ranking.
 
-        Each has its ``name``, the number of its colour (``track``), the numbers of ``jobs`` with a
-        value and of ``expected`` jobs, brackets ``per_step`` and ``rms``, its ``costs`` per step
-        by part, and the ``parameters`` that differ in the batch. Costs of different parameters
-        cannot be compared.
+        Each has its ``name`` and the number of its colour (``track``). ``jobs`` is the number of
+        jobs with a value, and ``expected`` the number of all jobs. ``per_step`` and ``rms`` are
+        pairs of bounds. ``costs`` are per step, by part. ``parameters`` are those that differ in
+        the batch; costs of different parameters cannot be compared.
         """
         groups, names = self.groups, list(self.heads)
         if self.by and len(groups):
@@ -431,7 +440,7 @@ class BatchTables:
 
     @cached_property
     def heat(self) -> Json | None:
-        """Table of the first label of the groups across, and the second or another label down."""
+        """Table with values of the first label across, and of the second or another label down."""
         labels = [*self.by, *(name for name in self.labels if name not in self.by)]
         if len(labels) < 2:
             return None
@@ -444,7 +453,7 @@ class BatchTables:
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
-        # Colours are those of the ranking, unless several lines would have the same.
+        # Colours are those of the ranking, unless several lines would then have the same colour.
         one_line_each = len(set(first.values())) == len(names)
         track = {
             name: self.compared.get(first[name], k) if one_line_each else k
@@ -469,12 +478,12 @@ def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
 
 
 def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Interval:
-    """Return the bracket of a value of a group."""
+    """Return both bounds of a value of a group."""
     return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """Return the bracket of a value of a row of a ranking; the value is its upper end."""
+    """Return both bounds of a value in a row of a ranking; the upper bound is the value."""
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
@@ -514,20 +523,23 @@ def heat_of(
     link : callable
         Function that receives a row and returns the path of its report, or an empty text.
     parameters : sequence of str
-        Columns that differ between rows; they separate sums of costs, and are in names of rows.
+        Columns of parameters that differ between rows. Costs of different parameters are not added.
+        The names of the rows of the table contain the parameters.
 
     Returns
     -------
     dict
-        ``down`` and ``across`` are the names of the labels; ``rows`` and ``columns`` are their
-        values. ``hidden_rows`` counts the rows left out, which have the smallest values, and
-        ``hidden_columns`` the last columns. ``squares`` is true if there are too many rows for
-        numbers. ``cells`` are by row and column, None without a job: ``value`` is the bracket of
-        TGOSPA per step, None if all ``jobs`` have ``failed``, ``text`` its text or "failed",
-        ``level`` its shade from 0, ``link`` the path of the report of a single job, and ``best``
-        whether no other cell of the row can be better or equal. ``ends`` are the smallest and the
-        largest value, if any. ``scales`` counts the sets of parameters: shades lie between the
-        smallest and the largest value of the same set.
+        ``down`` and ``across`` are the names of the two labels. ``rows`` has the values of the
+        label down, and ``columns`` those of the label across. ``hidden_rows`` counts the rows left
+        out, which have the smallest values. ``hidden_columns`` counts the columns left out at the
+        end. ``squares`` is true if there are too many rows for numbers. ``ends`` are the smallest
+        and the largest value, if any. ``scales`` counts the sets of parameters: shades lie between
+        the smallest and the largest value of the same set.
+
+        ``cells`` are by row and column, None without a job. A cell has both bounds of TGOSPA per
+        step as ``value``, which is None if all ``jobs`` have ``failed``. ``text`` is the value as
+        text, or "failed". ``level`` is its shade from 0. ``link`` is the path of the report of a
+        single job. ``best`` is whether no other cell of the row can be better or equal.
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
@@ -614,7 +626,7 @@ def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequen
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Return slices of the groups as columns, labels first; without slices no columns."""
+    """Return slices of the groups as columns, labels first; no columns if there are no slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -735,7 +747,7 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the table of the study with costs of a run, and rankings on fewer jobs or labels."""
+    """Yield the study, the costs of a run, and rankings if they have fewer jobs or labels."""
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
     rank = {own: k for k, own in enumerate(places)}
@@ -765,7 +777,7 @@ def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
             (tables.rankings[0].label, *tables.rankings[0].parameters),
             [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
             title,
-            caption=f"Values are those of the jobs that all have. {caption}",
+            caption=f"Values are those of the jobs that all rows have. {caption}",
         )
 
 
@@ -872,7 +884,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: fewer than 6, no conclusion about {ranking.population}"
+        yield f"{begin}: at least 6 are needed to judge {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
@@ -895,7 +907,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         "; mean of roots: the plain mean of the values" if "mean_of_roots" in tables.groups else ""
     )
     yield (
-        f"{title}: (sum of the totals / sum of the steps)^(1/p), and so for the parts; TGOSPA: "
+        f"{title}: (sum of the totals / sum of the steps)^(1/p), each part likewise; TGOSPA: "
         f"(mean of the totals of the runs)^(1/p); costs: means over the runs{roots}"
     )
     steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
@@ -907,8 +919,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
-            f"{of_expected(row['jobs'], row['expected'])} jobs: the others have no value; their "
-            "costs are missing, so all values look better than they are"
+            f"{of_expected(row['jobs'], row['expected'])} jobs: the other jobs have no value; "
+            "their costs are missing, so all values look better than they are"
         )
         break
     opened = int(tables.groups["open"].sum())
@@ -926,8 +938,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         item.population for item in tables.rankings if item.permutations
     ):
         yield (
-            f"p, for {population} drawn as these were: of the difference to the best, by a "
-            "two-sided permutation test, adjusted for all pairs (Holm), significant below 0.05"
+            f"p of the difference to the best, for {population} drawn as these were: by a "
+            "two-sided permutation test, adjusted for all pairs (Holm); significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
         yield f"{study_table.INTERVAL}: of {title}, by Student's t and the jackknife"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Chart(NamedTuple):
-    """Picture: a function of its subject and a `Style`, which returns None without content."""
+    """Picture, drawn by a function of its subject and a `Style`: None if there is no content."""
 
     draw: str
     """Module of this folder and function."""
@@ -165,8 +165,8 @@ def pictures(
 ) -> dict[str, bytes]:
     """Return files by name: all pictures of a kind in `CHARTS`, each in all formats.
 
-    Without matplotlib there are none. `notify` receives the name of each picture before it is
-    written, and the share that is done. Only one figure is in memory at a time.
+    The result is empty without matplotlib. `notify` receives the name of each picture before it is
+    written, and the share of pictures that are done. Only one figure is in memory at a time.
     """
     wanted, charts, files = wanted or Pictures(), CHARTS[kind], dict[str, bytes]()
     for at, (name, chart) in enumerate(

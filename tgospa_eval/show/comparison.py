@@ -1,4 +1,4 @@
-"""Documents of `compare` in printed formats. All numbers come from the documents."""
+"""Printed formats of the documents of `compare`, from which all numbers come."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings about an order by covariances if `of_order`, otherwise about the data."""
+    """Yield warnings about a ranking by covariances if `of_order`, otherwise about the data."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -78,7 +78,7 @@ def estimates_columns(document: Json) -> Columns:
 
 
 def pairs_columns(document: Json) -> Columns:
-    """Return a row for each pair of estimates: costs per step of the second minus the first."""
+    """Return a row for each pair of estimates: cost per step of the second minus the first."""
     pairs = document["pairs"]
     table = table_text.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
@@ -189,7 +189,7 @@ def _pair_tables(document: Json) -> Iterator[table_text.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield TGOSPA, per-step GOSPA and the two rules for each estimate."""
+    """Yield TGOSPA and per-step GOSPA with two rules for switches, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -235,12 +235,12 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             yield (
                 f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: "
                 "by Student's t and the jackknife; p of the difference to the best: by a two-sided "
-                "permutation test, adjusted for all pairs (Holm), significant below 0.05"
+                "permutation test, adjusted for all pairs (Holm); significant below 0.05"
             )
         yield "; ".join(
             [
                 *(text for verdict, text in table_text.PROOFS.items() if verdict in verdicts),
-                "steps -/+: number of steps at which the estimate costs less / more than the first",
+                "steps -/+: steps at which the estimate costs less (-) and more (+) than the first",
             ]
         )
     yield table_text.SPLIT_NOTE
@@ -335,7 +335,8 @@ def _agreement(document: Json) -> str:
 
 def _solver_notes(document: Json) -> Iterator[str]:
     once = document["seconds"]
-    yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    spent = ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    yield f"seconds, once for all solvers: {spent}"
     for run in document["runs"]:
         if run["status"] != "solved":
             yield f"{run['name']}: {run['status']}"
@@ -499,7 +500,7 @@ def _times_table(document: Json) -> table_text.Table:
 
 
 def _rms_table(document: Json) -> table_text.Table:
-    """Return the table of the metric: roots per step, RMS over runs."""
+    """Return the table of the metric per step, as a root mean square over the runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     sizes = document["sizes"]
     table = {f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]}
@@ -510,9 +511,9 @@ def _rms_table(document: Json) -> table_text.Table:
 
 def _study_notes(document: Json) -> Iterator[str]:
     yield (
-        "m targets, T steps; seconds of solving and proof; error: relative, of the total, at "
-        "most; bound's: the same of the lower bound; "
-        "+- one standard deviation over the runs"
+        "m targets, T steps; seconds: solving and proof; error: largest possible relative error of "
+        "the total; bound's: relative error of the lower bound, likewise; +-: one standard "
+        "deviation over the runs"
     )
     yield table_text.SPLIT_NOTE
     for size in document["sizes"]:
@@ -520,8 +521,8 @@ def _study_notes(document: Json) -> Iterator[str]:
         if size["left_out"]:
             yield (
                 f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step: "
-                "no bracket, or brackets that contradict each other; the latter also left out of "
-                "times and errors"
+                "no bounds, or bounds that contradict each other; scenes with contradictions are "
+                "also left out of times and errors"
             )
         for made in size["solvers"]:
             for name, fact in FACTS.items():
@@ -584,7 +585,7 @@ def sweep_document(sweep: SweepEvaluation) -> table_text.Document:
         title=_sweep_title(sweep),
         lines=[
             f"{table_text.parameters_of(sweep.settings, '; ')}; {sizes_in_words(sweep.sizes)}",
-            "costs, and in brackets how many of each:",
+            "costs, with counts in parentheses:",
         ],
         tables=[table_text.table_of(table)],
         notes=list(_sweep_notes(sweep)),
@@ -620,7 +621,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Yield the ranges of values with constant counts, for the best assignments only."""
+    """Yield the ranges of values with constant counts, which are those of the best assignments."""
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return

@@ -204,7 +204,7 @@ THICK = 0.36
 
 
 def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw bars of the costliest steps, truths and estimates."""
+    """Draw bars of the costliest steps, true objects and estimates."""
     shared = data.time.shared
     lists = {
         "steps": _costliest(
@@ -299,7 +299,7 @@ HALF = 0.4
 """Half the height of a bar; lanes are 1 apart."""
 
 MANY = 40
-"""Number of tracks above which tracks without events share a lane."""
+"""Number of tracks above which those without events share the last lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -317,7 +317,7 @@ class Lanes:
     first : int
         Position of the first lane; its title is above it.
     quiet : int
-        Number of tracks in the last lane without missed targets and switches.
+        Number of tracks in the last lane that have neither missed targets nor switches.
     """
 
     side: SideData
@@ -359,7 +359,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(data.steps, 1), style.bars)
-    # Smallest visible width in units of time.
+    # The smallest visible width, in units of time.
     pixel = (
         (data.time.edges[1][-1] - data.time.edges[0][0] if data.steps else 1) / _room(style) * 0.8
     )
@@ -385,7 +385,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 
 
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
-    """Return lanes in the order of the files; with many tracks those with events or high costs."""
+    """Return lanes in the order of the files; of many tracks, those with events or high costs."""
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
     table = side.table
@@ -413,10 +413,10 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
 def _bars(
     axis: Axes, lanes: Lanes, data: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
-    """Draw assigned stretches as bars and others as frames, and return entries of the legend.
+    """Draw assigned runs as bars and other runs as frames, and return entries of the legend.
 
-    With more steps than can be distinguished, `whole` is false, and `_shares` draws the unassigned
-    steps.
+    If there are more steps than can be distinguished, `whole` is false, and `_shares` draws the
+    unassigned steps.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
@@ -470,7 +470,7 @@ def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Return the lane and step of all unassigned states, for lanes that are not NaN."""
+    """Return lane and step of unassigned states; `chosen` is the lane of each run, or NaN."""
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
     length = run["end"][kept] - run["begin"][kept] + 1
@@ -479,7 +479,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
-    """Draw the share of unassigned steps in each column, down from the top of its lane."""
+    """Draw the share of unassigned steps in each column, from the top of its lane downwards."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -494,7 +494,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the largest error of each column relative to the cutoff, as dark feet of bars."""
+    """Draw the largest error of each column relative to the cutoff, as a dark foot of the bar."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -512,7 +512,7 @@ def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
 
 
 def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the last lane: the number of its unassigned tracks in each column, as a height."""
+    """Draw the last lane: heights show the number of its unassigned tracks in each column."""
     if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
@@ -531,7 +531,7 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
 
 
 def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
-    """Select one switch for each column of a lane: the largest, and of equal ones the first."""
+    """Select the largest switch in each column of a lane; of equal ones, the first."""
     if steps <= columns:
         return np.arange(len(place))
     cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
@@ -561,7 +561,7 @@ def _switches(
 
 
 def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:
-    """Write ids of the other side into stretches with enough room, the longest stretches first."""
+    """Write ids of partners into bars with enough room, into the longest bars first."""
     if letters < 4 or not data.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"

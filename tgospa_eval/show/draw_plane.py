@@ -46,7 +46,7 @@ STEPS = 2
 """Number of steps before and after the farthest pair in the enlarged part."""
 
 INTERVALS = 24
-"""Number of intervals along a trajectory over time."""
+"""Number of intervals along a trajectory that is drawn over time."""
 
 WINDOW = 3.0
 """Largest distance from the middle of the enlarged part, relative to a typical ellipse."""
@@ -54,12 +54,12 @@ WINDOW = 3.0
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 FEW_DOTS = 5000
-"""Particles up to which they are shapes in vector files; more become dots."""
+"""Largest number of particles that are shapes in vector files; more become dots."""
 
 NO_ROWS = np.zeros(0, np.int64)
 
 SPECK = 2.0
-"""Area of a particle of usual weight, in square points; doubled in the enlarged part."""
+"""Area of a particle of mean weight, in square points; it is doubled in the enlarged part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +84,8 @@ class Plane:
     def spanned(self, packed: Floats, radius: float) -> Floats:
         """Return the extent of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
 
-        `packed` are lower triangles of C. Over time the extent is the interval of the other column.
+        `packed` are lower triangles of C. If one of the columns is the time, the extent is the
+        interval of the other column.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
         odd = {self.across, self.up} - {*columns, TIME}  # columns of box centres
@@ -116,12 +117,12 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Extents of the gates around the first side of an association."""
+        """Extents of the gates around the states of A in an association of A and B."""
         gate = self.data.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Return those rows, by default of all rows, that have a shape around them."""
+        """Return the rows that have a shape, of some rows or by default of all."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
@@ -135,9 +136,9 @@ class Plane:
 
 
 def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
-    """Return outlines (K, corners, 2): z' C^-1 z = 1 around (2, K), C = [s^2, q; q, t^2].
+    """Return K outlines z' C^-1 z = 1 around the middles (2, K), with C = [s^2, q; q, t^2].
 
-    `sizes` are s, t and q, (3, K). With r = q / (s t) the corners are
+    The result is (K, corners, 2). `sizes` (3, K) are s, t and q. With r = q / (s t) the corners are
     (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. For another norm, with r = 0, both coordinates
     are divided by the norm of (cos u, sin u).
     """
@@ -198,7 +199,7 @@ def surroundings(
 def rows_along(plane: Plane) -> dict[str, Ints]:
     """Return states with shapes, at intervals along the trajectories.
 
-    There are none if there are more than `FEW` trajectories.
+    The result is empty if there are more than `FEW` trajectories.
     """
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
@@ -215,8 +216,8 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     """Return states near the farthest assigned pair, a few steps before and after it.
 
-    For associations these are the states of its step. The result is empty without ellipses and
-    gates, with boxes, or with fewer than three states.
+    For associations these are the states of the step of that pair. The result is empty if states
+    have neither ellipses nor gates, if states are boxes, or if there are fewer than three states.
     """
     data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
@@ -263,13 +264,13 @@ def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
 
 
 VECTOR_POINTS = 40_000
-"""Points that are drawn as lines and marks in vector files; more become dots."""
+"""Largest number of points that are lines and marks in vector files; more become dots."""
 
 CROWDED = 400
 """Number of events above which marks become smaller."""
 
 GROUPED = 1500
-"""Number of events above which one mark means all events of a kind that are near each other."""
+"""Number of events above which neighbouring events of a kind share one mark."""
 
 CELLS = 48
 """Number of cells for grouped marks along each axis."""
@@ -350,7 +351,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
 
 
 def _name_axes(axis: Axes, plane: Plane) -> None:
-    """Name both axes."""
+    """Write the names of both axes."""
     for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
         if name == TIME:
             time_axis(axis, plane.data, plane.style, upright=upright)
@@ -359,7 +360,7 @@ def _name_axes(axis: Axes, plane: Plane) -> None:
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
-    """Draw these states, the shapes around them, and lines between assigned ones."""
+    """Draw these states, the shapes around them, and lines between assigned pairs."""
     data, place = plane.data, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in data.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -405,7 +406,7 @@ def _extent(values: list[Floats]) -> float:
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
     """Return a unit upwards divided by a unit across, if both columns are places in one unit.
 
-    `stretch` is the length of a degree of latitude divided by a degree of longitude.
+    `stretch` is the length of a degree of latitude, divided by that of a degree of longitude.
     """
     if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
         return None
@@ -421,7 +422,7 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """Draw a line for each stretch of steps; estimates take several colours in turn."""
+    """Draw a line through consecutive steps; estimates take several colours in turn."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
         return {}
@@ -460,9 +461,10 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Draw arrowheads at the ends of tracks, ids of estimates there, and ids of truths at begins.
+    """Draw arrowheads and ids of estimates at the ends of tracks, and ids of truths at begins.
 
-    With many tracks only the costliest have them. Ids that would overlap are left out.
+    If there are many tracks, only the costliest have arrowheads and ids. Ids that would overlap are
+    left out.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
     scale = 72 * np.array(inches) / extent  # points per unit
@@ -523,7 +525,7 @@ def _events(
 
 
 def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dict[str, Artist]:
-    """Draw a mark for each kind and place, whose area is the number of events there."""
+    """Draw a mark for each kind and place; its area shows the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
     groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
@@ -591,9 +593,9 @@ def draw_inspection(
     Parameters
     ----------
     subject : sequence of (str, Trajectories), and str
-        Name and trajectories of the truth, and of an estimate; then the unit of the states.
+        Name and trajectories of the truth, the same of an estimate, and the unit of the states.
     style : Style
-        Sizes; in one column of a journal the plane is above the lines.
+        Sizes. In the width of one column of a journal, the plane is above the lines.
     """
     sides, unit = subject
     columns = sides[0][1].columns

@@ -31,7 +31,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """Return an empty figure of this size in inches, or `PLACE`, and its (rows, columns) axes.
+    """Return an empty figure of this size in inches, or that in `PLACE`, and its axes.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
     """Return the picture as a file of one of `FILES`; call it under `styled`.
 
-    The layout is made once, as for a PNG, whatever the formats are.
+    The layout is made once for all formats, as for a PNG.
     """
     # Ids of an SVG are the same each time; fonts of a PDF have the type that publishers accept.
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
@@ -142,7 +142,7 @@ def literal(text: str, width: int = 24) -> str:
 
 
 def power(unit: str, order: float) -> str:
-    """Return the unit of a cost in brackets after a space, or an empty text without a unit."""
+    """Return " (unit^p)", the unit of a cost, or an empty text if there is no unit."""
     raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
     return f" ({literal(unit)}{raised})" if unit else ""
 
@@ -154,7 +154,7 @@ def power(unit: str, order: float) -> str:
 class ShownFigure(Figure):
     """Figure that a notebook shows at the end of a cell, without pyplot.
 
-    It is drawn with the settings with which it was made, not with those of the user.
+    It is drawn with the settings of its style, not with those of the user.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -193,7 +193,7 @@ class SpacedLocator(AutoLocator):
 
 
 def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
-    """Check for gaps between the labels, by the usual widths of their characters."""
+    """Check that there are gaps between the labels, by the usual widths of characters."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
     texts = axis.get_major_formatter().format_ticks(ticks)

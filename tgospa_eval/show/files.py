@@ -48,12 +48,12 @@ class Kind:
     name : str
         Name of the kind in the manifest.
     document : str
-        File that is removed first and written last, so that it is never next to files of another
-        run.
+        File that is removed first and written last, so that a folder never has this file together
+        with files of another run.
     names : collection of str
-        Files to check before any work is done, because files of other origin are not overwritten.
+        Names of files to check before any work is done: files of other origin are not overwritten.
     log : str, optional
-        File that identifies the folder even without a manifest, and that is kept.
+        File that is kept, and that identifies the folder even if there is no manifest.
     opens : tuple of str
         Names of files to open; the first existing one is recommended.
     """
@@ -65,7 +65,7 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Check whether the folder is of this kind, without the content of its log."""
+        """Check whether the folder is of this kind, without reading its log."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
@@ -147,8 +147,8 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     Raises
     ------
     ConfigError
-        The path is a file or looks like the name of a file. Or, without `force`, the folder holds
-        files and is not a folder of this kind.
+        The path is a file or looks like the name of a file. Or `force` is false, and the folder
+        holds files and is not of this kind.
     """
     subject = subject or option("output")
     if not folder:
@@ -208,10 +208,11 @@ def write_texts(
 ) -> str:
     """Write the files of a folder, instead of the files of an earlier run of the same kind.
 
-    A new folder appears whole. In an existing folder the old document is removed before any other
-    change, and the new document is written last. If two runs write it at once, one waits. A folder
-    of a kind gets a manifest. Files that differ from the manifest or are not in it are never
-    removed, and are replaced only with `force`. Returns a sentence about the written files.
+    The result is a sentence about the written files. A new folder appears only when it is complete.
+    In an existing folder the old document is removed first, and the new document is written last.
+    If two runs write into one folder at once, one waits. A folder of a kind gets a manifest. Files
+    that differ from the manifest or are not in it are never removed, and are replaced only with
+    `force`.
 
     Raises
     ------
@@ -238,7 +239,7 @@ def write_texts(
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
-    """Put a file into another place: a link if it is in the folder of work, otherwise a copy."""
+    """Put a file into another place, as a link if it is in the folder of work, else as a copy."""
     if work in file.resolve().parents:
         with suppress(OSError):  # some file systems have no links
             os.link(file, place)
@@ -413,8 +414,8 @@ def check_file(
     Raises
     ------
     ConfigError
-        The path is a folder, exists without `force`, is in a missing folder or among the `inputs`,
-        or has another suffix.
+        The path is a folder, or an existing file while `force` is false. Or its folder is missing,
+        it is among the `inputs`, or it has another suffix.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -468,10 +469,10 @@ def association_files(
 
 
 NO_NAME = "%20"
-"""Folder of objects without a class; no class with a name gets this folder."""
+"""Folder of objects without a class. `folder_name` gives it to no class that has a name."""
 
 LONGEST_NAME = 200
-"""Largest number of characters of a quoted name in a file name: with a digest they fit into 255."""
+"""Longest quoted name in characters: with a digest it fits into the 255 of a file name."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
@@ -512,7 +513,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Return the folder, result and origin in the proof, for each class."""
+    """Return for each class the folder, the result, and the origin that the proof names."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -679,7 +680,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield each switch, at the position of its object or, if it is absent, its last position."""
+    """Yield each switch at the position of its object, or at its last position if it is absent."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

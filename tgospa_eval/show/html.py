@@ -192,10 +192,10 @@ def inlined(name: str) -> str:
 def packed(arrays: dict[str, Ints]) -> str:
     """Encode the arrays one after the other as base64 text.
 
-    The code has 32-bit differences of neighbours, with the sign in the lowest bit, and all lowest
-    bytes first. Regular data become zeros, which compress well. Small data are not compressed, so
-    that they are drawn when the page is loaded: browsers decompress later. Compressed text is
-    shorter than the arrays.
+    The code has 32-bit differences of neighbours, with the sign in the lowest bit. The lowest bytes
+    of all numbers come first. Regular data become zeros, which compress well. Small data are not
+    compressed, so that a page can draw them while it is loaded: browsers decompress only later.
+    The length of the text shows whether it is compressed: it is then shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -205,7 +205,7 @@ def packed(arrays: dict[str, Ints]) -> str:
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     data = b"".join(planes)
     if len(data) > PLAIN:
-        # Only runs are compressed, because the rest is noise: the same size in a third of the time.
+        # Only equal bytes in a row are compressed: the same size in a third of the time.
         packer = zlib.compressobj(strategy=zlib.Z_RLE)
         data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
@@ -283,7 +283,7 @@ MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Largest number of estimates with all pairs compared; with more, only neighbours are compared."""
+"""Largest number of estimates of which all pairs are compared; of more, only neighbours are."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
@@ -365,7 +365,7 @@ def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
 
 
 def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
-    """Return a ranking in words, with brackets and intervals on a common scale."""
+    """Return a ranking in words, with bounds and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
         name, per_step = entry["name"], batch.bracket(entry, "per_step")
@@ -407,7 +407,7 @@ def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """Yield all pairs of a few entries, or the pairs of neighbours."""
+    """Yield all pairs of entries if these are few, otherwise the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
@@ -438,7 +438,7 @@ def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
 
 
 def _per_step(row: "pd.Series[Any]") -> Interval:
-    """Return the bracket of the value per step of a job."""
+    """Return both bounds of the value per step of a job."""
     steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
     return Interval(
         lower=(float(row["total_lower"]) / steps) ** power,

@@ -1,8 +1,8 @@
 """Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
-A lane is a trajectory. Its runs are stretches of consecutive steps on which it exists, with the
-same partner or without one.
-Rows are its states; if there are very many, some are left out, but no event.
+A lane is a trajectory. Its rows are its states; if there are very many, some are left out, but no
+event. A run is a longest sequence of states of a lane at consecutive steps with the same partner,
+or without a partner.
 """
 
 import math
@@ -34,20 +34,22 @@ from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
 Rows: TypeAlias = dict[str, NDArray[Any]]
-"""States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
+"""R states of the truth or of the estimate (a side), sorted by track and step, as columns.
 
-``other`` is the track of the other side with the largest part of the assignment, `NONE` or `FREE`.
-``unjudged`` is true for ignored or excused states, and ``shared`` for assignments in part.
-``error`` is the distance to ``other`` as a fraction of the cutoff, 1 for unassigned states.
-``state`` is (R, d), with d = 0 if the states are unknown. ``spread`` (R, d (d + 1) / 2) has lower
-triangles of covariances, (R, 0) for points. ``cloud`` is the number of the cloud, or `NONE`.
+``track`` and ``step`` are numbers. ``other`` is the partner, the track of the other side with the
+largest weight at this step; it is `NONE` or `FREE` if the largest weight is that of no track.
+``error`` is the distance to the partner as a fraction of the cutoff, 1 for unassigned states.
+``shared`` is true if the weight of the partner is less than 1. ``unjudged`` is true for ignored or
+excused states. ``state`` (R, d) has d columns, none if the states are unknown. ``spread``
+(R, d (d + 1) / 2) has lower triangles of covariances, (R, 0) for points. ``cloud`` is the number of
+the cloud, or `NONE`.
 """
 
 VALUES = 800_000
-"""Number of coordinates of both sides above which tracks are thinned; events are kept."""
+"""Number of coordinates of both sides above which some states are left out, but no events."""
 
 COARSEST = 50
-"""Stride above which thinning saves little, because mostly events are left."""
+"""Largest distance in steps between drawn states: with more, little but events would be left."""
 
 LEVELS = 1 << 16
 """Number of levels of a coordinate on the page."""
@@ -68,22 +70,23 @@ FARTHEST_LEVEL = 1 << 29
 """Largest level on the page, so that differences of two levels fit into 32 bits."""
 
 PARTICLES = 100_000
-"""Largest number of drawn particles; with more, clouds get fewer, then fewer steps have clouds."""
+"""Largest number of drawn particles. If there are more, each cloud is drawn with fewer particles,
+and if that is not enough, clouds are drawn at fewer steps."""
 
 MIN_PARTICLES, MAX_PARTICLES = 10, 200
-"""Smallest number of drawn particles of a cloud that has so many, and largest number."""
+"""Least and largest number of particles drawn of a cloud; smaller clouds are drawn whole."""
 
 SHARES = 10_000
-"""Number of levels of the weight of a cloud on the page."""
+"""Number of levels of the weight of a particle on the page."""
 
 NONE, FREE = -1, -2
-"""Partner of states that are missed or false, and of states without cost that are not judged."""
+"""Partners: NONE of missed or false states, FREE of unassigned states that are not judged."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
-"""Name of the cost of unassigned states of either side."""
+"""Name of the cost of unassigned states of each side."""
 
 RUN = ("track", "begin", "end", "other")
-"""Fields of each stretch of steps with one partner."""
+"""Fields of each run."""
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
@@ -153,13 +156,14 @@ class PlotData:
     Parameters
     ----------
     document : Json
-        Each of its ``times`` begins a stretch of ``together`` steps. ``costs`` and ``counts`` are
-        means over the stretch, and ``curve`` is its last step. With longer stretches ``worst`` has
-        the costliest steps. ``stretch`` is that of a map. ``spread`` has the scales of ellipses, if
-        any. ``particles`` has the numbers of drawn and of all particles of each side. ``words``
-        has the names of sides and parts.
+        Data over time are in groups of ``together`` consecutive steps, which begin at ``times``.
+        ``costs`` and ``counts`` are means over each group, ``curve`` is the value at its last step.
+        If groups have several steps, ``worst`` lists the single steps with the highest costs.
+        ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of ellipses,
+        if any. For each side, ``particles`` has the number of drawn particles and the number of all
+        particles. ``words`` has the names of sides and parts.
     arrays : dict of str to int array
-        Integers by name, as long as the data.
+        Encoded columns of rows, runs, particles and ellipses, by name.
     truth, estimate : SideData
         The tracks.
     about : str
@@ -378,8 +382,9 @@ def data_of_sides(
 def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
     """Return particles of the clouds at every `every`-th step.
 
-    If a cloud has too many particles, systematic resampling from the middle of each slot selects
-    some. Each has the weight of the slots that fall on it.
+    Some are selected from a cloud with too many particles by systematic resampling: its total
+    weight is divided into equal intervals, and the particle at the middle of each interval is
+    drawn. A drawn particle has the weight of all its intervals.
     """
     particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
@@ -422,7 +427,7 @@ def map_stretch(latitudes: Floats) -> float:
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """Return (cost / n)^(1/p) of each part of each window with n steps of the horizon."""
+    """Return (cost / n)^(1/p) by part and window, with n steps of the horizon in the window."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -437,7 +442,7 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """Return the rows of one side in all parts, with tracks numbered in sequence; and clouds."""
+    """Return the rows of one side in all parts, with all tracks numbered, and their clouds."""
     none = np.zeros(0, np.int64)
     tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
@@ -523,7 +528,7 @@ def _runs(side: Rows) -> tuple[Ints, Ints]:
 def _thinned(
     sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
-    """Return the stride for about `VALUES` drawn coordinates, and the rows of each side."""
+    """Return the stride (in steps) for about `VALUES` drawn coordinates, and the drawn rows."""
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
@@ -536,7 +541,7 @@ def _thinned(
 
 
 def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
-    """Return rows to draw: every `stride` steps, ends of runs, and all unassigned states."""
+    """Return rows to draw: every `stride` steps, both ends of runs, and all unassigned states."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
     keep = (side["step"] % stride == 0) | (side["other"] == NONE)
@@ -617,10 +622,10 @@ def _repairs(result: Evaluation) -> Columns:
 # Ellipses, and data over time, thinned if there are many steps.
 
 NUMBERS = 150_000
-"""Largest number of encoded numbers of covariances; with more, steps are left out."""
+"""Largest number of encoded elements of covariances; if there are more, steps are left out."""
 
 FINE = 50
-"""Levels of a deviation for each factor of e: 2 % each."""
+"""Levels of a standard deviation are logarithmic: FINE levels are a factor of e, a level 2 %."""
 
 INSIDE = 0.95
 """Share of a normal distribution inside the drawn shape around a state."""
@@ -629,7 +634,7 @@ RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - IN
 """Roots of the quantiles of the chi-square distribution with one and two degrees of freedom."""
 
 FAINT = 1000
-"""Level of deviations that are invisible next to the largest, such as 0."""
+"""Level of the smallest standard deviations, such as 0: invisible next to the largest."""
 
 ANGLE = 64
 """Levels of an angle for each radian."""
@@ -665,7 +670,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
     """Return the encoded rows, sorted by track, and the levels of each entry, by name.
 
-    Encoded are every `how["stride"]` steps, and the first and the last row of each track.
+    Rows are encoded every `how["stride"]` steps, and at the begin and the end of each track.
     """
     if not spread.size:
         return {}
@@ -698,7 +703,7 @@ def deviations(variances: Floats) -> Floats:
 
 
 MAX_STRETCHES = 600
-"""Largest number of drawn stretches of steps for data in parts."""
+"""Largest number of drawn groups of steps for data in parts."""
 
 SHOWN_ROWS = 20
 """Largest number of listed steps and tracks for data in parts."""
@@ -707,10 +712,10 @@ SHOWN_ROWS = 20
 def curves(result: Evaluation) -> dict[str, list[float]]:
     """Return the normalised cumulative cost: the root of the mean cost up to each step.
 
-    The value is (sum_{l <= k} cost(l) / n(k))^(1/p), where n(k) is the number of steps up to k of
-    the horizon; the last value of ``total`` is `normalised`. If the curve was requested, costs are
-    those of an evaluation of the steps 1..k. Otherwise they are those of the assignment of the
-    whole recording, which bound the metric of the steps 1..k from above.
+    The value at step k is (sum_{l <= k} cost(l) / n(k))^(1/p), where n(k) is the number of steps of
+    the horizon up to k. The last value of ``total`` is `normalised`. If the curve was requested, an
+    evaluation of the steps 1..k gives the costs. Otherwise they are those of the assignment of the
+    whole recording, an upper bound of the metric of the steps 1..k.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.curve_bounds is not None:
@@ -746,7 +751,7 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """Return the NEES and its band at the first step of each stretch, and ranks of particles."""
+    """Return the NEES and its band at the first step of each group, and ranks of particles."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {
@@ -759,7 +764,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """Return means over at most `stretches` stretches of steps, and the curve at their ends."""
+    """Return means over at most `stretches` groups of steps, and the curve at their ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)

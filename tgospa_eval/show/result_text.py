@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 # -------------------------------------------------------------------------------------------------
-# Tables next to the parts of the cost: other metrics, covariances, slices. Computes nothing.
+# Tables in addition to the parts of the cost: other metrics, covariances, slices.
 
 PARTS_SHOWN = {
     "hota": ("HOTA", ("DetA", "AssA", "LocA")),
@@ -56,7 +56,7 @@ PARTS_SHOWN = {
     "identity": ("IDF1", ("IDP", "IDR")),
     "gospa": ("total", ("localisation", "missed", "false")),
 }
-"""Main value of each metric, and the numbers next to it."""
+"""Main value of each metric, and the numbers that explain it."""
 
 COMPARED = {
     "hota": ("HOTA", "DetA", "AssA"),
@@ -103,9 +103,9 @@ def grouped_table(
     records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """Yield a table with a row for each record, after the names of the record, if any.
+    """Yield a table with a row for each record, if any; a row begins with its names.
 
-    The best values of rows that are `rivals` are bold.
+    The best value of each group of `rivals` is bold.
     """
     first = records[0] if records else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
@@ -132,7 +132,7 @@ def covariances_table(
 ) -> Iterator[Table]:
     """Yield the table of the NEES and the cost of covariances, if all have a NEES.
 
-    Items have the costs of means and of spreads, and the record of the NEES.
+    Each item has the cost of means, the cost of spreads and the record of the NEES.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
     if not records or any(record["mean"] is None for record in records):
@@ -201,7 +201,7 @@ def other_value(name: str, numbers: Mapping[str, float]) -> str:
 
 
 MAX_LISTED = 20
-"""Largest number of slices in a table, which has the costliest ones."""
+"""Largest number of slices in a table; of more, the costliest are listed."""
 
 SLICE_HEAD = ("states", "total", "share", *PART_HEADS, "followed", "RMSE")
 
@@ -214,7 +214,7 @@ def shown_slices(slicing: Slicing) -> list[Slice]:
 
 
 def slices_table(slicing: Slicing) -> Table:
-    """Return a row for each slice: its states of the truth, its costs, its share of the total."""
+    """Return a row for each slice: its ground-truth states, costs and share of the total."""
     total = slicing.total
     shown = shown_slices(slicing)
     rows: list[Row] = [(one.name, *_cells(one, total)) for one in shown]
@@ -274,12 +274,12 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Explain which attribute puts a cost into a slice, and whether other splits exist."""
+    """Explain which attribute puts a cost into a slice, and whether another split is possible."""
     if not slicings:
         return
     yield (
         "slices: states are those of the truth; false targets are sliced by their own attribute, "
-        "all other costs by that of the object at the step (a switch: at the later step)"
+        "all other costs by that of the object at the step (for a switch, the later step)"
     )
     if all(slicing.unique for slicing in slicings):
         yield "this split is unique: no other assignment has the same total"
@@ -310,10 +310,10 @@ WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of it
 
 UNCERTAIN = (
     "r, s",
-    "probabilities of existence: the costs of missed and false targets are multiplied by them; a "
-    "pair costs the smaller one times its error, plus the mismatch |r - s| c^p/2, which is part "
-    "of localisation. Experimental: the paper does not say that switches cost the same whatever r "
-    "and s are",
+    "probabilities of existence of an object and of an estimate: a missed target costs r c^p/2, "
+    "a false one s c^p/2; a pair costs the smaller of r and s times its error, plus the mismatch "
+    "|r - s| c^p/2, which is part of localisation. Experimental: the paper does not say that "
+    "switches cost the same whatever r and s are",
 )
 
 
@@ -324,7 +324,7 @@ def table(result: Evaluation) -> str:
 
 
 def blocks(result: Evaluation) -> dict[str, list[str]]:
-    """Return the lines of each block by name; a block that does not apply has no lines."""
+    """Return the lines of each block of the text by name; some blocks may have none."""
     makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
@@ -499,14 +499,22 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Yield the value per step, and per object and step: name, value, divisor of the total."""
+    """Yield name, value and divisor of the total: per step, then per object and step."""
     evaluated_on, normalised = result.evaluated_on, result.normalised
     if evaluated_on.steps:
-        yield "per step", result.quantity(normalised["tgospa"]), counted(evaluated_on.steps, "step")
+        steps = counted(evaluated_on.steps, "step") + _of_truth(result)
+        yield "per step", result.quantity(normalised["tgospa"]), steps
         if "per_object" in normalised:
             states = counted(evaluated_on.truth_states, "state")
             each = result.quantity(normalised["per_object"])
             yield "per object and step", each, f"{states} of the truth"
+
+
+def _of_truth(result: Evaluation) -> str:
+    """Return " of the truth" if values are divided by other steps than the evaluated ones."""
+    chosen = {"steps", "resample"} & result.parameters.keys()
+    differ = result.evaluated_on.steps != result.sizes["steps"]
+    return " of the truth" if differ and not chosen else ""
 
 
 def _scale(result: Evaluation) -> Iterator[str]:
@@ -576,7 +584,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
     title = f"TGOSPA of {counted(size, 'window')} of {windows.size}{every}: {middle}{known}"
-    note = "; they do not add up; the worst ones that do not overlap:" if size > 1 else ""
+    note = "; windows do not add up; the worst that do not overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _disjoint(windows, np.argsort(-value, kind="stable"))
     names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
@@ -586,14 +594,14 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """Return in words how many of several values are exact."""
+    """Return in words whether all values are exact, or how many are only upper bounds."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
 def _rooted(
     table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
-    """Return the name, TGOSPA or its upper bound, and the parts of each chosen row."""
+    """Return for each chosen row its name, TGOSPA or its upper bound, and the parts."""
     return [
         (
             name,
@@ -721,7 +729,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """Yield notes on the proof of the savings, and on why they do not add up."""
+    """Yield notes: how the savings are proven, and that each is for one repair alone."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is proven to save anything ({several} tried)"
@@ -804,7 +812,7 @@ ROWS = 40
 """Largest number of rows of a table on stdout."""
 
 ROUNDING = 1e-9
-"""Shift of a mean relative to the distance to the cloud, below which it is only rounding."""
+"""Shift of a mean, relative to the distance to the cloud, below which it is only rounding."""
 
 
 def association_text(
@@ -825,7 +833,7 @@ def association_text(
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """Return overall changes in words; the arguments are parts of the document."""
+    """Return the changes of all clouds in words; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],

@@ -56,7 +56,7 @@ def _has_errors(*errors: Iterable[float | None]) -> bool:
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """Draw errors of the bounds of `sinkhorn` against the bounds of all runs, by temperature."""
+    """Draw the errors of the bounds of `sinkhorn` by temperature, from the bounds of all runs."""
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
     entropic = [run["entropic"] or {} for run in runs]
@@ -122,7 +122,7 @@ def _epsilon(run: Json) -> float:
 
 
 def draw_convergence(document: Json, style: Style) -> Figure | None:
-    """Draw the bounds of `sinkhorn` over its sweeps, against the bounds of all runs."""
+    """Draw the errors of the bounds of `sinkhorn` over its sweeps, from the bounds of all runs."""
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
         return None
@@ -156,7 +156,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # The ends are powers of ten, because there may be none between the limits.
+    # The ends are powers of ten, because there may be no power of ten between them otherwise.
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -194,13 +194,13 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Check whether a run succeeded in a scene without contradictory brackets."""
+    """Check whether a run succeeded in a scene whose bounds do not contradict each other."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Draw errors over temperature for the most steps, a line for each number of targets."""
+    """Draw errors over temperature in the longest scenes, a line for each number of targets."""
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
     several = len(runs) > len(document["sizes"])
@@ -217,7 +217,7 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
-    """Draw time and error over targets (most steps), and over steps (most targets)."""
+    """Draw time and error over targets in the longest scenes, and over steps in the largest."""
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
         return None
@@ -292,7 +292,7 @@ def _line(
     floor: float,
     style: Style,
 ) -> None:
-    """Draw means of at least `floor` with a band of one standard deviation; skip failed runs."""
+    """Draw means with a band of one standard deviation, not below `floor`; skip failed runs."""
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
         for at, value in zip(x, values, strict=True)
@@ -345,7 +345,7 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""Share of the range: an axis is logarithmic if the lower half of its values lies in it."""
+"""An axis is logarithmic if the lower half of its values is within this share of its range."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
@@ -369,7 +369,7 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
             axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
         label(axis, "", "" if k else "cost", title)
     band = sweep.unchanged("missed_count", "false_count")
-    # Values crowd at the low end if they are evenly spaced logarithms.
+    # Values with evenly spaced logarithms crowd at the low end.
     low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
     crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
     for axis in axes.flat:
@@ -402,7 +402,7 @@ PANEL = 0.62
 """Height of one of several panels, relative to a single panel."""
 
 MAX_BELOW = 4
-"""Largest number of panels in one column; more panels are in two columns."""
+"""Largest number of panels in one column; if there are more, they are in two columns."""
 
 ROW = 0.21
 """Height of a row of text in inches."""
@@ -411,12 +411,13 @@ ROW = 0.21
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Draw totals of runs, baseline and current, relative to the mean of the baseline.
+    """Draw the totals of runs of the baseline and of now, relative to the mean of the baseline.
 
     Parameters
     ----------
     scenes : mapping of str to pair of sequences of float
-        Totals of the baseline and current totals, by scene; the most changed scenes are drawn.
+        For each scene, totals of the baseline and current totals. Scenes with the largest changes
+        are drawn.
     style : Style
         Sizes.
     """
@@ -453,7 +454,8 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     style : Style
         Sizes.
     parts : bool
-        Whether to draw the parts instead, one below the other, with the kinds side by side.
+        Whether to draw the parts instead of the total: parts one below the other, kinds of curves
+        side by side.
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)
@@ -574,7 +576,7 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw the value per step of each cell; many rows go across, without numbers."""
+    """Draw the value per step of each cell; if rows are many, they go across, without numbers."""
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:
         return None

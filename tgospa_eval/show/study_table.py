@@ -1,4 +1,4 @@
-"""Main table of a study: RMS-TGOSPA of each tracker, its parts, their certainty, and more."""
+"""Main table of a study: RMS-TGOSPA of each tracker, its parts, intervals, and more."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -37,13 +37,13 @@ MIN_P = 1e-4
 """P value below which only this bound is shown."""
 
 NARROW = 1e-9
-"""Relative width of a bracket below which one number is shown."""
+"""Relative distance of two bounds below which one number is shown."""
 
 DISTINCT = 1e-10
 """Relative difference up to which numbers differ only by rounding."""
 
 DIGITS, MAX_DECIMALS = 4, 6
-"""Digits of the largest value of a column, and the largest number of decimals."""
+"""Digits of the largest value of a column, and limit of the decimals of all its values."""
 
 WIDE_COLUMNS = 7
 """Number of columns from which LaTeX sets a table over both columns of a page."""
@@ -58,7 +58,7 @@ class StudyRow:
     names : tuple of str
         Names that distinguish the row from others.
     jobs : str
-        Number of runs with a value, and of all runs if they differ.
+        Number of runs with a value, and number of all runs if some have none.
     steps, order : float
         Mean number of steps of a run, and the order p.
     total : Interval
@@ -200,11 +200,11 @@ def _says_nothing(name: str, cells: Sequence[str]) -> bool:
 
 
 Column = tuple[str, Sequence[str], list[Interval]]
-"""Head, cells, and numbers whose smallest is the best; empty if no best is marked."""
+"""Head, cells, and values of which the smallest is the best; no values if none is marked."""
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Yield the column of a name; if `wanted`, ``mean_of_roots`` without values is an error."""
+    """Yield the column of a name; if it is `wanted`, missing ``mean_of_roots`` are an error."""
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -246,7 +246,7 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     """Return a column of the summary, or of another metric.
 
-    A number that depends on the assignment has a best only if all values are exact.
+    If a number depends on the assignment, a best is marked only if all values are exact.
 
     Raises
     ------
@@ -305,7 +305,7 @@ def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """Return the value with as many digits as `largest`, or both ends if they differ then."""
+    """Return the value with the decimals of `largest`, or both ends if they then differ."""
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
@@ -323,7 +323,7 @@ def costs_table(
     rivals: Sequence[Sequence[int]],
     caption: str = "",
 ) -> Table:
-    """Return TGOSPA, total and parts of a run, or means over runs, in state units^p."""
+    """Return TGOSPA of each row, and the total and its parts in state units^p, means over runs."""
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [
         (

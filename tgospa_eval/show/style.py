@@ -1,4 +1,4 @@
-"""Looks of all output: colours of pages and pictures, patterns and sizes, without data.
+"""Looks of pages and pictures: colours, patterns and sizes.
 
 Colours are distinct even without full colour vision. Parts of the cost differ in lightness and in
 hue, and have patterns as well.
@@ -118,7 +118,7 @@ DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10
 
 
 def line_looks(k: int, *, marked: bool = False) -> dict[str, Any]:
-    """Return colour and dashes of the k-th line, which differ in grey; and a marker if `marked`."""
+    """Return colour and dashes of the k-th line, distinct in grey, and a marker if `marked`."""
     marker = {"marker": MARKERS[k % len(MARKERS)]} if marked else {}
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], **marker}
 
@@ -156,9 +156,9 @@ class Style:
     titles : bool
         Whether a picture has a title; papers have captions instead.
     bars : int
-        Largest number of bars; with more steps a bar is the costliest of several steps.
+        Largest number of bars; if there are more steps, a bar is the costliest of several steps.
     lanes : int
-        Largest number of truths with a lane of their own; for estimates it is half of this.
+        Largest number of true objects with a lane of their own. Estimates have half of that.
     worst : int
         Number of bars for each kind of the worst steps and tracks.
     settings : dict
@@ -234,7 +234,7 @@ FILLS: Mapping[str, dict[str, Any]] = {
 """Fills of the parts of the cost, with patterns for output without colours."""
 
 UNJUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
-"""Looks of stretches that are not judged, drawn over everything else."""
+"""Looks of bars of steps that are not judged, drawn over everything else."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},

@@ -77,7 +77,7 @@ def latex(text: str) -> str:
 
 
 def _greek(letter: str) -> str:
-    """Return a Greek letter by its name, or a capital that looks Latin as a Latin letter."""
+    """Return the command of a Greek letter, or a Latin letter that looks the same."""
     from unicodedata import name  # lazy: few labels are Greek
 
     kind, _, word = name(letter, "").removeprefix("GREEK ").partition(" LETTER ")
@@ -145,8 +145,8 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Smallest width to which the first column is shortened on a terminal. The column may get wider, up
-to the second number, to keep its texts different."""
+"""Width to which the first column is shortened at most on a terminal. If texts would then be the
+same, the column gets wider, up to the second number."""
 
 MIN_WORDS = 20
 """Smallest width of a column of wrapped words."""
@@ -170,21 +170,21 @@ class Table:
     head : sequence of str
         Names of the columns.
     rows : sequence of rows
-        Rows of cells, as many as columns or fewer.
+        Rows of cells; a row may have fewer cells than there are columns.
     align : str
         ``l`` or ``r`` for each column; by default ``l`` for labels and ``r`` for the others.
     labels : int
         Number of first columns that distinguish rows.
     widths : sequence of int
-        Widths of the columns in plain text including blanks between them; by default as needed.
+        Widths of the columns in plain text, with the blanks between them; by default as needed.
     bold, underlined : frozenset of (int, int)
-        Cells, by row and column, that stand out: the best in Markdown and LaTeX, the second best
-        in LaTeX.
+        Row and column of each cell with a best value (bold in Markdown and LaTeX), and of each
+        with a second best value (underlined in LaTeX).
     ruled : tuple of int
-        Rows that follow a line, in LaTeX.
+        Numbers of the rows that have a line above them in LaTeX.
     wrapped : collection of int
-        Columns whose cells continue on further lines in plain text, if the table would be too wide
-        or the cells are wider than their given width minus two.
+        Columns whose cells may continue on further lines in plain text. They do so if the table
+        would be too wide, or the cells are wider than their given width minus two.
     caption : str
         Content of the table; LaTeX sets a table with a caption as a float.
     is_wide : bool
@@ -210,7 +210,7 @@ class Table:
 
 
 def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
-    """Return a table from columns of cells by their names; `looks` are further fields of it."""
+    """Return a table from columns of cells by name; `looks` are other fields of the table."""
     rows = list(zip(*columns.values(), strict=True))
     return Table(head=tuple(columns), rows=rows, **looks)
 
@@ -331,11 +331,11 @@ def rendered(
 
 
 def csv_text(table: Columns) -> str:
-    """Return a table as CSV, with blanks for None, numbers as full doubles, and no formulas."""
+    """Return a table as CSV: None is empty, numbers are full doubles, no text is a formula."""
     import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The writer quotes characters of its line end: CR LF makes it quote both. Lines then get LF.
+    # The writer quotes fields with a character of its line end, so this is CR LF. Lines get LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -352,7 +352,7 @@ def _csv_column(column: Sequence[object]) -> Sequence[object]:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Return rows for a terminal, in columns with the widths of the table or of the widest cells.
+    """Return rows for a terminal, in columns as wide as the table says or as the widest cell.
 
     A first cell that is longer than its column has a line of its own.
     """
@@ -382,7 +382,7 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
 def markdown_lines(
     table: Table, blank: str = "", escape: Callable[[str], str] = markdown
 ) -> list[str]:
-    """Return rows between bars, with `blank` around the dashes and `escape` applied to cells."""
+    """Return rows of Markdown, with `blank` around the dashes and `escape` applied to cells."""
     rows = [
         "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
         for row in _cells(table, escape, "**{}**")
@@ -443,7 +443,7 @@ def _of_siunitx(text: str, cell: str) -> str:
 def _cells(
     table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
 ) -> Iterator[list[str | None]]:
-    """Yield the head and rows, escaped for a language and all of the same length."""
+    """Yield the head and the rows, all escaped and of the same length."""
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
         forms = (looks.get((k, at), "{}") for at in range(len(row)))
@@ -469,9 +469,9 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 def fitted(table: Table) -> list[str]:
     """Return lines of a table with columns as wide as their contents.
 
-    The first column is shortened if a line is too long, while its texts stay different. Columns
-    that still do not fit continue below and repeat the first column. Further text columns that
-    distinguish rows are repeated as well if they leave half of the line. Given widths are kept.
+    If a line is too long, texts of the first column are shortened, but stay different. Columns that
+    still do not fit are listed below, again after the first column. Other columns that distinguish
+    rows are repeated, too, if at least half of the line is left. Given widths are kept.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -505,7 +505,7 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: the rest of the line, or what its texts need."""
+    """Return the width of the first column: what the others leave, or what its texts need."""
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
     width = min(MIN_NAME_WIDTH, longest)
@@ -529,7 +529,7 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """Return the end of a long name, where paths differ; "vs NAME" keeps its vs."""
+    """Return the end of a long name, where paths differ; the vs of "vs NAME" is kept."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
@@ -681,7 +681,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Return entries proven to have this place, alone or as equals; none if all have it."""
+    """Return entries proven to have this place, alone or shared; none if all entries have it."""
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 

@@ -12,14 +12,14 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
-"""Largest ratio of a recording to the sum of its typical steps that is drawn to scale."""
+"""Largest ratio of the length of a recording to the sum of its typical steps that is to scale."""
 
 TYPICAL_QUANTILE = 0.9
 """Quantile of the gaps that is the typical gap between neighbouring steps."""
 
 DAY = 86_400.0
 WHOLE = 2.0**53
-"""Number below which a browser can tell all integers apart."""
+"""Number below which a browser has all integers exactly."""
 
 
 def describe_times(times: Sequence[Time]) -> Json:
@@ -33,9 +33,10 @@ def describe_times(times: Sequence[Time]) -> Json:
     Returns
     -------
     dict
-        ``kind``: ``"number"``; ``"stamp"``, integers relative to the first, which is ``origin``;
-        ``"date"``, seconds since midnight of the day ``origin``; or ``"step"``, numbers of steps.
-        ``values``: positions of the times, or None for numbers and steps.
+        ``values``: positions of the times, or None for the kinds ``"number"`` and ``"step"``.
+        ``kind``: ``"number"``, the times themselves; ``"stamp"``, integers relative to the first,
+        which is ``origin``; ``"date"``, seconds since midnight of the day ``origin``; or
+        ``"step"``, numbers of steps.
     """
     kind, origin, values = "number", "", None
     if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
@@ -47,7 +48,7 @@ def describe_times(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Return times as they were read, with numbers that a browser cannot hold exactly as texts."""
+    """Return times as they were read; numbers that a browser cannot hold exactly become texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -76,7 +77,7 @@ def _typical_gap(values: Floats) -> tuple[Floats, float]:
 
 
 def uneven(values: Floats) -> bool:
-    """Check whether gaps would take most of an axis, or values do not increase."""
+    """Check whether gaps would take most of the axis, or whether values do not increase."""
     gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -132,7 +133,7 @@ class TimeAxis:
     def edges(self) -> tuple[Floats, Floats]:
         """Begin and end of each step: the middle between it and its neighbours.
 
-        Next to a gap, half the typical distance is used.
+        Next to a gap, the begin or end is half the typical distance from the step.
         """
         if not len(self.at):
             return self.at, self.at
@@ -200,7 +201,7 @@ class TimeAxis:
 
 
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-    """Return round numbers; large close numbers become differences from a round number."""
+    """Return round numbers; if they are large and close, differences from a round number."""
     places, base = nice(low, high, count), 0.0
     if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
         size = 10.0 ** math.ceil(math.log10(high - low)) if high > low else 1.0

@@ -1,4 +1,4 @@
-"""Solvers, from PROBLEM to Solution. Each is one file, one line in `SOLVERS` and a docs line."""
+"""Solvers, which turn a problem into a `Solution`: each needs a file and a line in `SOLVERS`."""
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -22,7 +22,7 @@ class Solver(Protocol):
 
     @property
     def proves(self) -> bool:
-        """True if it continues until the proven bracket is within `gap`, and uses warm starts."""
+        """True if it continues until the proven gap is at most `gap`, and uses warm starts."""
         return False
 
     @property
@@ -32,7 +32,7 @@ class Solver(Protocol):
 
     @property
     def epsilon(self) -> float | None:
-        """Temperature as a fraction of c^p, None without one."""
+        """Temperature as a fraction of c^p; None if it has no temperature."""
         return None
 
     @property
@@ -53,7 +53,7 @@ class Solver(Protocol):
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
     ) -> Solution:
-        """Propose an assignment and prices; a warm start may save work, or is ignored."""
+        """Propose an assignment and prices; a warm start may save work."""
 
 
 SOLVERS = {

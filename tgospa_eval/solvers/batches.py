@@ -40,16 +40,16 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""Excess of a sum of weights above 1 from which on the weights are scaled."""
+"""Excess of a sum of weights above 1 beyond which the weights are scaled."""
 
 SOME_ROOM = 1e-9
 """Smallest room in a slot that counts."""
 
 BEFORE_SEAMS = 0.9
-"""Share of the work, and of the time, of a block that is spent on its windows."""
+"""Share of the work and of the time for a block that its windows get."""
 
 UNKNOWN = -1.0
-"""Weight of a state without an answer of a window."""
+"""Weight of a state for which no window has an answer."""
 
 
 TimeWindow = tuple[int, int, int, int]
@@ -60,8 +60,8 @@ which is solved."""
 def divisible_blocks(states: States) -> Ints:
     """Return the blocks to solve in windows: very large and long blocks with competing rows.
 
-    Other problems are solved whole: with varying switch prices, where a run is several states; with
-    large switch prices, for which windows are too short; and with gains that may be negative.
+    Problems are solved whole if switch prices vary, because a run is then several states; if switch
+    prices are large, because windows are then too short; and if gains may be negative.
     """
     problem = states.problem
     price = problem.switch_price
@@ -78,7 +78,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """One block in windows, and the answers of the windows so far; windows may be in threads.
+    """One block in windows, and the answers of the windows so far, maybe from several threads.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Division:
     def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
         """Keep the answer for the core of a window.
 
-        Kept are the weights of states inside the core, and the prices of slots that begin in it.
+        These are the weights of states inside the core, and the prices of slots that begin in it.
         """
         whole, (low, high, first, _) = self.states, window
         home = self._homes(first, piece)
@@ -169,7 +169,7 @@ class Division:
         self.done += 1
 
     def _homes(self, first: int, piece: States) -> Ints:
-        """Return the place of each state of a window in the block; of a cut run, the whole run."""
+        """Return the place in the block of each state of a window; of cut runs, the whole run."""
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
         run = piece.entry < 0
@@ -186,8 +186,8 @@ class Division:
     def join(self) -> Floats:
         """Return joined feasible weights of all states; fill in runs that no window contains whole.
 
-        A run between two gains adds no cost at the lesser of their weights, and then needs the
-        least room. At the ends of the block a run adds no cost at the weight of its gain.
+        A run between two gains gets the lesser of their weights: this adds no cost and needs the
+        least room. A run at an end of the block gets the weight of its gain, which adds no cost.
         """
         states, weights = self.states, self.weights
         run = np.flatnonzero(states.entry < 0)
@@ -210,7 +210,7 @@ class Division:
 class TimeShares:
     """Equal shares of the time for windows; later windows may use the time that others leave.
 
-    So a time limit that is too short leaves all windows half solved, and not some unsolved.
+    So if the time limit is too short, all windows are partly solved, instead of some unsolved.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ class BlockBatch:
     limit : Limit
         Time limit and request to stop.
     progress : BatchProgress
-        Receiver of the brackets on the way.
+        Receiver of the bounds on the way.
     warm_start : WarmStart, optional
         Proposals that may already solve some blocks.
     """
@@ -328,7 +328,7 @@ class Answer:
         Seconds by kind of work.
     history : tuple of dict
         Convergence, one record per check: ``sweep``, ``epsilon``, ``violation``, and the costs
-        ``lower`` and ``upper`` of the blocks, less the cost of leaving all objects unassigned.
+        ``lower`` and ``upper`` of the blocks, minus the cost of leaving all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """

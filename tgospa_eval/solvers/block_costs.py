@@ -16,8 +16,8 @@ SETTLED_FROM = 1000.0
 def price_cap(states: States) -> Floats:
     """Return ``2 L g`` of each block, (B,), with L steps and the largest gain g.
 
-    From the switch price (L - 1) g on no switch pays, so that a higher price than 2 L g gives the
-    same optimum (docs/theory/reductions.md, "Switch price cap"). LP tolerances are absolute, so
+    At switch prices from (L - 1) g on, no switch pays, so that prices above 2 L g give the same
+    optimum (docs/theory/reductions.md, "Switch price cap"). LP tolerances are absolute, so
     huge prices cause errors.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
@@ -27,8 +27,8 @@ def price_cap(states: States) -> Floats:
 def settle(states: States, blocks: Mask, weights: Floats) -> None:
     """Average each pair's weights over time, in blocks with all switch prices above the cap.
 
-    There an optimum has no switches. Remainders of a solver (1e-12, for example) would be charged
-    at the true price. The average of feasible weights over time is feasible.
+    In these blocks an optimum has no switches, but tiny changes of weights left by a solver (1e-12,
+    for example) would cost the true price. The average of feasible weights over time is feasible.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -83,22 +83,22 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# The displayed bracket during the work: bounds of each batch, and cheap bounds of the rest.
+# The bounds that are displayed during the work: those of each batch, and cheap ones of the rest.
 #
-# It is not part of the result, whose bracket comes from `problem.certificate.certify`.
+# They are not part of the result, whose bounds come from `problem.certificate.certify`.
 
 BlockBrackets = tuple[Mask, Floats, Floats, Floats]
-"""Mask of some blocks; width of the bracket, cost, and cost if unassigned, of all blocks."""
+"""Mask of some blocks; of all blocks, width between bounds, cost, and cost if unassigned."""
 
 FINEST = 1e-12
 """Smallest relative gap in the display of progress."""
 
 SUM_MARGIN = 1e-12
-"""Share of the cost of leaving all unassigned that exceeds the rounding of sums in solvers."""
+"""Share of the cost of leaving all unassigned that is more than rounding of sums in solvers."""
 
 
 class BracketProgress:
-    """Sum of the brackets of the batches; called from several threads.
+    """Sum of the bounds of all batches; called from several threads.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class BracketProgress:
     cuts : list of pair of int
         Range of the blocks of each batch.
     progress : Progress
-        Receiver of the share and the bracket.
+        Receiver of the share that is done and of the bounds.
     """
 
     def __init__(self, states: States, cuts: list[tuple[int, int]], progress: Progress) -> None:
@@ -127,7 +127,7 @@ class BracketProgress:
         return float(sum(side.price.sum() for side in self.states.problem.sides))
 
     def update(self, number: int, share: float, lower: float, upper: float) -> None:
-        """Report the done share of a batch, and bounds of its cost less the unassigned cost."""
+        """Report the share of a batch that is done, and bounds of cost minus unassigned cost."""
         self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
         self.begun[number] = True
         if not self.progress.due:
@@ -140,7 +140,7 @@ class BracketProgress:
         self.progress.done(float(self._sizes @ self.shares))
 
     def advance(self, number: int, share: float) -> None:
-        """Report the done share of a batch, before there are bounds."""
+        """Report the share of a batch that is done, before there are bounds."""
         self.shares[number] = share
         if self.progress.due:
             self.progress.done(float(self._sizes @ self.shares))
@@ -154,7 +154,7 @@ class BracketProgress:
 
 
 class BatchProgress:
-    """Progress of one batch, and its bracket.
+    """Progress of one batch, and its bounds.
 
     Parameters
     ----------
@@ -188,8 +188,8 @@ class BatchProgress:
     ) -> None:
         """Report the share that is done, and bounds of some blocks.
 
-        Width of the bracket, cost, and cost of leaving all unassigned are for all blocks, (B,).
-        Blocks outside the mask `blocks` are trivial: their weights in the batch are the best.
+        The `width` between the bounds, the `cost` and the cost if `unassigned` are for all blocks,
+        (B,). Blocks outside the mask `blocks` are trivial: their weights in the batch are the best.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
@@ -223,7 +223,7 @@ def _gains(states: States, weights: Floats) -> Floats:
 
 
 def share_of_digits(width: float, cost: float, gap: float) -> float:
-    """Return the progress of a width from the cost to the gap, 0 to 1, on a logarithmic scale."""
+    """Return how far a width has come from the cost to the gap, 0 to 1, on a logarithmic scale."""
     if width <= gap * cost:
         return 1.0
     if not 0.0 < width < cost or gap >= 1.0:

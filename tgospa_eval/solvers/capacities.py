@@ -8,7 +8,7 @@ from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import Slots
 
 SAME_ROOM = 1e-12
-"""Difference below which two rooms count as equal."""
+"""Difference below which the rooms of two slots count as equal."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,7 +24,7 @@ class CapacityRows:
     price : (L,) float array
         Sum of the prices of the slots of each constraint.
     slot, of_slot : (k,), (k,) int arrays
-        The slots that have a constraint, and the constraint of each.
+        The k slots that have a constraint, and the constraint of each.
     """
 
     constraint: Ints
@@ -37,7 +37,8 @@ class CapacityRows:
     def spread(self, new: Floats, prices: Floats) -> Floats:
         """Return new prices of the slots (k,) from new prices (L,) of the constraints.
 
-        A rise is added to the first slot of a constraint; for a fall all its prices are scaled.
+        If the price of a constraint rises, the rise is added to its first slot. If it falls, the
+        prices of all its slots are scaled.
         `prices` (k,) are the previous prices of the slots.
         """
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -53,8 +54,8 @@ def capacity_rows(
 ) -> CapacityRows:
     """Return the constraints of the chosen states; `fixed` (S,) are weights of the other states.
 
-    Neighbouring slots with the same states and the same room are one constraint. Slots with the
-    price 0, by `prices` (K,), that have room 1 for their only state are left out.
+    Neighbouring slots with the same states and the same room are one constraint. A slot is left out
+    if its price in `prices` (K,) is 0 and it has room 1 for its only state.
     """
     begin, end = slots.begin[chosen], slots.end[chosen]
     state = np.flatnonzero(end > begin)

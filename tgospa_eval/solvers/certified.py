@@ -71,7 +71,7 @@ class Certified(BatchSolver):
         )
 
     def _ascend(self, batch: BlockBatch) -> Answer:
-        """Run stages of sweeps, then programmes, until all brackets are narrow."""
+        """Run stages of sweeps, then programmes, until all gaps are small."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
@@ -89,7 +89,7 @@ class Certified(BatchSolver):
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
         left = places_of(ascent.open)
-        # Blocks to solve `quickly` stay open if they are not solved by now.
+        # Blocks that should be solved `quickly` stay open if they are not solved by now.
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
@@ -133,8 +133,8 @@ def _sweep(
 ) -> int:
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
-    The stages begin from the prices if these are good: `near` the best prices, or, with a `unit`
-    below 1, known up to changes of the size of the unit.
+    The stages begin from the prices if these are good. They are good if they are `near` the best
+    prices, or if the `unit` is below 1: the errors of the prices are then about one unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices

@@ -2,7 +2,7 @@
 
     Z(v) - P(W) = sum_i (best_i - own_i) + sum v (1 - load)
 
-is the width of the bracket (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). These
+is the width between the bounds (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). These
 bounds steer the solvers; `problem.certificate` computes the reported bounds again.
 """
 
@@ -22,8 +22,8 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""Limits of the links of a chain, for each state and in all (the larger counts). Beyond these the
-threshold is halved, unless it is below MIN_THRESHOLD."""
+"""Limits of the links of a chain: per state, and in all (the larger limit counts). Beyond the limit
+the threshold is halved, unless it is below MIN_THRESHOLD."""
 
 SWEPT_AT_ONCE = 100_000
 """Links times sweeps between two looks at the clock: about a millisecond."""
@@ -37,7 +37,7 @@ class Ascent:
     """Prices, assignments and both bounds of some blocks on the way to the optimum.
 
     Gains and values are relative to the cheapest pair of each row and step, so that small costs
-    keep their digits. Outside this class, only the width and the cost of a bracket have a meaning.
+    keep their digits. Outside this class, only costs and widths between bounds have a meaning.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class Ascent:
     gap : float
         Relative gap at which no further candidates are tried.
     weights, prices : (S,), (K,) float arrays
-        Arrays for the best assignment and the best prices, written in the wanted blocks only. There
-        weights must be zeros at first, and prices are the first prices.
+        Arrays for the best assignment and the best prices, written in the wanted blocks only. In
+        these blocks, weights must be zeros at first, and prices are where the ascent begins.
 
     Attributes
     ----------
@@ -58,13 +58,13 @@ class Ascent:
     masses : (S,) float array
         Share of the paths of its row through each state at the end of the last stage.
     dual, primal : (B,), (B,) float arrays
-        Upper bound of the gain of each block by the prices, and gain of the assignment.
+        Upper bound of the gain of each block by the prices, and gain of its assignment.
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
         Bits of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
-        States (including "none") times half sweeps, and their time in seconds.
+        Sum of the states (including "none") of all half sweeps, and their time in seconds.
     seconds : dict
         Seconds by kind of work.
     """
@@ -111,7 +111,7 @@ class Ascent:
 
     @property
     def gap(self) -> Floats:
-        """Width of the bracket of each block, (B,)."""
+        """Width between the bounds of each block, (B,)."""
         gap: Floats = self.dual - self.primal
         return gap
 
@@ -128,17 +128,17 @@ class Ascent:
 
     @property
     def open_gap(self) -> float:
-        """Width of the brackets of the open blocks together."""
+        """Sum of the widths between the bounds of the open blocks."""
         return float(self.brackets.open_gap)
 
     @property
     def open_cost(self) -> float:
-        """Cost of the best assignment of the open blocks together."""
+        """Sum of the costs of the best assignments of the open blocks."""
         return float(self.brackets.open_cost)
 
     @property
     def undecidedness(self) -> float:
-        """Mean of 1 - m over the masses m of the last stage, weighted by them."""
+        """Mean of 1 - m over the masses m of the last stage, weighted by m."""
         total = float(self.masses.sum(dtype=np.float64))
         return 1.0 - float(np.square(self.masses).sum(dtype=np.float64)) / max(total, 1.0)
 
@@ -157,7 +157,8 @@ class Ascent:
     def mark(self, prices: Floats, reach: float) -> None:
         """Set the `flags` of every state at the prices, and the value of each row's best weights.
 
-        States with slack up to `reach` are NEAR.
+        NEAR are states with slack up to `reach`: the value that the best path of the row loses if
+        it must pass the state.
         """
         self.brackets.mark(prices, reach)
 
@@ -166,11 +167,11 @@ class Ascent:
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
-        """Keep the prices in the open blocks in which they prove more."""
+        """Keep the prices in the open blocks for which they prove more than those before."""
         self.brackets.try_prices(prices)
 
     def try_weights(self, weights: Floats) -> None:
-        """Keep the feasible assignment in the open blocks in which it gains more."""
+        """Keep the feasible assignment in the open blocks for which it gains more than before."""
         self.brackets.try_weights(weights)
 
     def try_steps(self) -> None:
@@ -226,9 +227,9 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Try prices only in slots for which states compete, if mostly rounding widens a bracket.
+        """Try prices only in slots for which states compete, if rounding is most of a gap.
 
-        Without competition the price of a slot proves no more than 0, and sums lose digits.
+        In other slots a price proves no more than the price 0, but sums lose digits.
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
@@ -254,9 +255,9 @@ class Ascent:
     def near(self, also: Mask) -> Mask:
         """Return the states that a programme may have to decide, after `mark`, (S,).
 
-        These are the states within its reach, the states in use and those in `also`, without the
-        decided states: with weight 1, NEEDED, and without another near state of their row at their
-        steps.
+        These are the states within its reach, the states in use and those in `also`, except decided
+        states. A state is decided if it has weight 1, is NEEDED, and no other near state of its row
+        is at its steps.
         """
         rows = self.states.rows
         near = self.has(kernels.NEAR)
@@ -270,7 +271,7 @@ class Ascent:
         return near
 
     def within(self, near: Mask, steps: Mask) -> Mask:
-        """Return the near states that last through at least one of the steps (T,)."""
+        """Return the near states that exist at one of the marked steps (T,) or more."""
         count = np.concatenate(([0], np.cumsum(steps)))
         lasting = near.copy()
         lasting &= count[self.states.end + 1] > count[self.states.begin]
@@ -303,7 +304,7 @@ class Ascent:
         return free[wanted], component[wanted]
 
     def _seeds(self, free: Ints) -> Mask:
-        """Return whether each free state is a seed, which shows that the gap is open."""
+        """Return whether each free state is a seed: a state that keeps the gap open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
         rows = self.layout.rows

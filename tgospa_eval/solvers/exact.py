@@ -24,13 +24,14 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
-"""Seconds for importing cvxpy; for compiling a programme, per state; and for a first factorisation
-by Clarabel, per state times this power of the mean number of states that begin at a step. These
-cannot be stopped. Measured on crowds of 2,000 to 40,000 states, within a factor of three."""
+"""Seconds for importing cvxpy; seconds per state for compiling a programme; and seconds per state
+for a first factorisation by Clarabel, times this power of the mean number of states that begin at a
+step. This work cannot be stopped. Measured on crowds of 2,000 to 40,000 states, within a factor of
+three."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
-    "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bracket says how good it is
+    "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bounds say how good it is
     "user_limit": Status.LATE,
 }
 """Status by the name of the outcome in CVXPY."""
@@ -137,7 +138,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block by Clarabel, or the given ones without an answer."""
+    """Return weights and prices of a block by Clarabel, or those `given` if it has no answer."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:

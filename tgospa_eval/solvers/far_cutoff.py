@@ -1,9 +1,10 @@
 """Blocks with a cutoff far above the errors are solved at a smaller cutoff.
 
 Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below them.
-At a fitting cutoff the problem is an ordinary one, with far fewer near pairs. The bound that its
-prices prove for the whole is in `problem.certificate`. The certificate does not trust this module:
-it evaluates the prices at their own cutoff, and the assignment at the requested cutoff.
+At a fitting cutoff the problem is an ordinary one, with far fewer near pairs. The bound that the
+prices at this cutoff prove for the whole is in `problem.certificate`. The certificate does not
+trust this module: it evaluates the prices at their own cutoff, and the assignment at the requested
+cutoff.
 """
 
 from collections.abc import Callable
@@ -34,8 +35,8 @@ CUTOFF_ROOM = 16.0
 """Ratio of a fitting cutoff price to the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""Factors by which a too small cutoff price grows. LEAP is for inner problems of a later attempt,
-and leads directly to their own cutoff, because smaller ones were already tried."""
+"""Factors by which a too small cutoff price grows. LEAP is for inner problems of a later attempt:
+it leads directly to their own cutoff, because smaller cutoffs were already tried."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]
@@ -85,7 +86,7 @@ def fitting_scales(states: States) -> Floats:
     """Return a cutoff price for each block, as a fraction of c^p, a power of 2; 1 by default.
 
     It is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit").
-    There an object may be left unassigned, but at a cost that is not negligible.
+    At this price an object may be left unassigned, but at a cost that is not negligible.
     """
     problem = states.problem
     blocks = len(states.block_begin)
@@ -185,7 +186,7 @@ class _Ladder:
         )
 
     def _attempt(self, chosen: Mask, scale: float, step: float) -> Mask:
-        """Solve at one smaller cutoff; return blocks for which no larger one would be better."""
+        """Solve at a smaller cutoff; return blocks for which no larger cutoff would be better."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
         solution = solve_at_fitting_cutoffs(
@@ -209,7 +210,7 @@ class _Ladder:
         met = width <= self.gap * self.cost
         missing = sum_by(home, solution.missing.astype(np.float64), blocks) > 0
         self.missing[chosen] = missing[chosen]
-        # If the gap at the smaller cutoff is most of the width, any larger one leaves it open too.
+        # If the gap at the smaller cutoff is most of the width, any larger one leaves it open, too.
         fits: Mask = met | (own - lower > 0.5 * width)
         return fits
 
@@ -225,7 +226,7 @@ class _Ladder:
         self.missing[chosen] = whole.missing[chosen]
 
     def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
-        """Use the weights where they cost less, and the prices in all chosen blocks."""
+        """Use the weights in chosen blocks where they cost less, and the prices in all of them."""
         states = self.states
         mixed = np.where(states.states_of(chosen), weights, self.weights)
         cost = block_costs(states, mixed)

@@ -2,11 +2,12 @@
 
     maximise c w - paid r,  A w - r <= b,  w, r >= 0;    slacks s, and duals y >= 0 of A w - r <= b
 
-A basis of such an optimum is degenerate thousands of times, and the simplex method needs an
-iteration for each; here about twenty factorisations suffice. The best duals are far from unique.
-For states that the programme leaves out, the best of them are those nearest to the known duals. So
-duals are drawn there, which perturbs b by a thousandth of their distance. Near the end they are
-drawn to their own place (the proximal point method), which does not move or perturb anything.
+A basis of such an optimum is degenerate thousands of times. The simplex method needs an iteration
+for each of these, and an interior point method about twenty factorisations in all. The best duals
+are far from unique. Those nearest to the known duals are best for the states that the programme
+leaves out. So duals are drawn to the known duals, which perturbs b by a thousandth of the distance.
+Near the end duals are drawn to their own place (the proximal point method), which does not move or
+perturb anything.
 
 Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
@@ -69,7 +70,7 @@ class Inequalities:
     rises : (k,) int array
         The constraints that have a rise.
     paid : (k,) float array
-        Price of each rise, the largest dual of its constraint.
+        Price of each rise, which is the largest dual of its constraint.
     """
 
     matrix: sparse.csr_array
@@ -146,7 +147,7 @@ class _Newton:
     x, d : (n + k + m,) float arrays
         The point: numbers and their duals.
     centre, stiff : (m,) float arrays
-        Values that the duals y are drawn to, and stiffness of this pull.
+        Values to which the duals y are drawn, and stiffness of this pull.
 
     Attributes
     ----------

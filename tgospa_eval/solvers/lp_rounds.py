@@ -36,8 +36,8 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     Returns
     -------
     states : States
-        The rows and columns that the free states touch, with all their states from the step before
-        the first free state to the step after the last. Column slots of other nodes have no
+        The rows and columns that the free states touch. They have all their states from the step
+        before the first free state to the step after the last. Column slots of other nodes have no
         meaning.
     state : (S',) int array
         Place of each state of the part in the whole.
@@ -108,8 +108,8 @@ def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
     """Return the last place of each range from `low` to before `high` with a step <= `until`.
 
-    It is `low` - 1 if there is no such step. Steps rise in each range; all ranges are bisected at
-    once.
+    The place is `low` - 1 if no step is so early. Steps rise in each range; all ranges are bisected
+    at once.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -128,16 +128,16 @@ Solved = tuple[Ints, Ints, "Proposal"]
 
 
 class Programmes:
-    """Linear programmes next to an ascent, which keeps their best weights and prices.
+    """Linear programmes for an ascent, which keeps their best weights and prices.
 
     Attributes
     ----------
     iterations, seconds : int, float
         Iterations of HiGHS, and total time of this object.
     crowd : bool
-        Whether the simplex method would take too long.
+        Whether the problem is a crowd, for which the simplex method would take too long.
     unit : float
-        Unit of costs and reaches, in c^p: less than 1 if the brackets are narrow.
+        Unit of costs and reaches, in c^p: less than 1 if the gaps are small.
     """
 
     def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
@@ -148,17 +148,17 @@ class Programmes:
         self.iterations, self.seconds = 0, 0.0
 
     def report_progress(self) -> None:
-        """Report the state of the brackets."""
+        """Report the current bounds."""
         ascent, tried = self.ascent, self.tried
         width, cost = ascent.gap, ascent.cost
         share = share_of_digits(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
-        """Solve programmes at each reach until brackets are met, of components up to `max_states`.
+        """Solve programmes of components up to `max_states`, at each reach, until gaps are closed.
 
         If very many states are undecided, programmes first solve the neighbourhood of the steps
-        that keep the brackets open.
+        that keep gaps open.
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
@@ -216,7 +216,7 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def close_reach(self) -> float:
-        """Return the reach of a first programme if very many states are undecided."""
+        """Return the reach of the first programme if very many states are undecided."""
         reach, loads = CROWDS.reach, self.ascent.states.rows.loads
         while reach > CROWDS.min_reach and loads(self._near(reach)).mean() > CROWDS.each:
             reach *= 0.5
@@ -226,7 +226,7 @@ class Programmes:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
 
     def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
-        """Solve programmes around the steps that keep brackets open, in growing windows.
+        """Solve programmes around the steps that keep gaps open, in growing windows.
 
         Components of more than `max_states` states and windows of more than `room` are left out.
         """
@@ -277,14 +277,14 @@ class Programmes:
         """Solve the undecided components of the near states; return False if all are too large."""
         states = self.ascent.states
         free, component = self.ascent.undecided(near)
-        if not len(free) and np.isinf(reach):  # only rounding may keep the bracket open
+        if not len(free) and np.isinf(reach):  # only rounding may keep the gap open
             free = np.flatnonzero(states.states_of(self.ascent.open))
             component = states.pair_block[states.pair[free]]
         parts = groups(states, free, component, max_states)
         if parts:
             self._solve(parts)
             self.ascent.keep(self.ascent.wide())
-        # If no near state is undecided, states farther away keep the bracket open.
+        # If no near state is undecided, states farther away keep the gap open.
         return bool(parts) or not len(free)
 
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
@@ -365,7 +365,7 @@ class Programmes:
         return self.batch.limit.progress.in_thread(work) if size > PROGRAMMES.quick else work()
 
     def _propose(self, solved: list[Solved]) -> None:
-        """Try weights, prices, and mixtures of prices, which may be better: the dual is convex."""
+        """Try weights, prices and their mixtures, which may be better: the dual is convex."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
         for free, slot, proposal in solved:
@@ -402,7 +402,7 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try the new prices of those groups in whose time they do not raise the losses."""
+        """Try the new prices of the groups at whose steps the losses do not rise by them."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -439,7 +439,7 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return the steps (T,) within `span` of those that lose most; the rest lose <= `allowed`."""
+    """Return steps (T,) within `span` of the steps that lose most; others lose <= `allowed`."""
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
     change = np.zeros(len(lost) + 1, np.int32)
@@ -456,7 +456,7 @@ the same time by either method."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
-    """Solve each block of a batch; use feasible best paths for blocks without enough time."""
+    """Solve each block of a batch; if time is short, use feasible best paths for a block."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
     for number in np.flatnonzero(batch.wanted).tolist():

@@ -35,8 +35,9 @@ class Programme:
     transition_reward : (F,) long float array
         Sum of the parts that all transitions add to the rewards of the free states.
     to, source : (A,) int arrays
-        Transitions with a charge for a rise of weight, w[to] - w[source] <= constant + rise, as
-        positions among the free states; `source` counts only if both states are free (`two`).
+        Transitions with a charge for a rise of weight, w[to] - w[source] <= constant + rise. `to`
+        and `source` are positions among the free states; `source` counts only if both states of a
+        transition are free (`two`).
     two : (A,) bool array
     paid : (A,) float array
     rows, columns : CapacityRows
@@ -89,7 +90,7 @@ class Programme:
     def anchor(self) -> Floats:
         """Duals <= 0 of all constraints; HiGHS finds their change.
 
-        They are the prices, the values of the rows at these prices, and half the cost of a change.
+        They are the prices, the values of the rows at these prices, and half the costs of changes.
         """
         dual = np.zeros(len(self.full))
         rows, columns, transitions = self.constraints
@@ -254,7 +255,7 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 
 
 MIN_STATES = 300
-"""Free states from which on a starting basis saves time: fewer take a few milliseconds anyway."""
+"""Least number of free states for a starting basis: fewer take a few milliseconds anyway."""
 
 BASIC = 1e-10
 """Limit below which reduced costs and duals count as zero."""
@@ -350,11 +351,11 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""Least number of constraints of a large programme; limits of the iterations and of the work of the
-simplex method for each constraint; and rows in a sample. Beyond the limits a programme is dense
-with ties: there the interior point method is up to ten times faster, and two to four times slower
-elsewhere. The work of an iteration is the number of nonzeros in a row of the inverse of the basis,
-by a sample: 5 to 20 as a rule, 2,000 with ties."""
+"""Least number of constraints of a large programme; limit of the iterations, and limit of the work,
+of the simplex method for each constraint; and rows in a sample. Beyond the limits a programme is
+dense with ties: there the interior point method is up to ten times faster, but elsewhere two to
+four times slower. The work of an iteration is the number of nonzeros in a row of the inverse of the
+basis, by a sample: 5 to 20 as a rule, 2,000 with ties."""
 
 TAKEN_FOR_ZERO = 1e-9
 """Feasibility tolerance of HiGHS."""
@@ -363,8 +364,8 @@ SCALE, SHIFT = 2.0**70, 2.0**20
 """Largest factor by which the correction of duals is scaled up, and limit of its costs."""
 
 ROOMIER = 1e-6
-"""Additional room of columns while duals are refined. It selects the least of all best prices: a
-basis that is optimal with it is optimal without it, and prices near 1 lose small digits."""
+"""Additional room of columns while duals are refined. It selects the least of all best prices:
+prices near 1 lose small digits. A basis that is optimal with this room is optimal without it."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Largest error of a dual after refinement, and largest number of refinements."""
@@ -393,8 +394,8 @@ class Proposal:
     interior : bool
         Whether the simplex method would have taken too long.
     vertex : tuple, optional
-        Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
-        (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
+        Where `refine` starts, if HiGHS found an optimum: the programme, the duals of its
+        constraints (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
     """
 
     weights: Floats
@@ -419,8 +420,8 @@ def solve_restricted_lp(
 ) -> Proposal:
     """Return the best weights and prices of the free states; the others stay fixed.
 
-    `free` must be in order. With `interior` the simplex method is not tried first for a large
-    programme, because it took too long for a similar one.
+    `free` must be in order. With `interior`, a large programme is not tried by the simplex method
+    first, because that took too long for a similar programme.
     """
     p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
@@ -463,8 +464,8 @@ def solve_interior(
 ) -> Proposal | None:
     """Solve as `solve_restricted_lp` by the interior point method; None if numbers break down.
 
-    It begins at the `shares` (F,) and the prices, and its prices are the nearest optimal ones. With
-    `exact` they are exact up to rounding. It needs the compiled kernels.
+    The method begins at the `shares` (F,) and the `prices`. It returns the optimal prices that are
+    nearest to these, exact up to rounding if `exact`. It needs the compiled kernels.
     """
     from scipy import sparse  # lazy: slow to import, and few scenes are crowds
 
@@ -569,7 +570,7 @@ def _spread(p: Programme, dual: Floats) -> Floats:
 def _snapped(p: Programme, values: Floats) -> Floats:
     """Return the weights, set to nearby fractions with small denominators if capacities allow.
 
-    At a vertex weights are fractions, mostly 0, 1, 1/2 or 1/3, and HiGHS returns them up to 1e-9.
+    At a vertex, weights are fractions, mostly 0, 1, 1/2 or 1/3; HiGHS returns them within 1e-9.
     """
     weights = np.clip(values[p.parts[0]], 0.0, 1.0)
     left = np.flatnonzero((weights != 0) & (weights != 1))

@@ -4,12 +4,12 @@
 
 over mixtures theta of the paths of each row. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
 computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
-(docs/theory/solvers.md, "Sinkhorn sweeps"). The result has the bracket of the prices and of the
-rounded assignment. The entropic value is not a bound.
+(docs/theory/solvers.md, "Sinkhorn sweeps"). The bounds of the result come from the prices and from
+the rounded assignment. The entropic value is not a bound.
 
 `entropic_trace` computes primal and dual of the entropy-regularised problem itself, sweep by sweep.
 
-With the paths pi of each row, mass theta on them and slack sigma of each column slot, it is
+With mass theta on the paths pi of each row, and slack sigma of each column slot, this problem is
 
     min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma),
     sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot,
@@ -41,11 +41,11 @@ from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import check_settings
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-"""Temperatures on the way to a smaller one, each for `WARM_SWEEPS` sweeps."""
+"""Temperatures on the way to the requested one, each for `WARM_SWEEPS` sweeps."""
 
 WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
-"""Sweeps between two checks of the bracket, and the usual number of checks."""
+"""Number of sweeps between two checks of the bounds, and the usual number of checks."""
 
 MAX_SWEEPS = 2000
 FULL_TO = 1e-6
@@ -55,7 +55,7 @@ NEGLIGIBLE_SLACK = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class Sinkhorn(BatchSolver):
-    """Entropic approximation, with a proven bracket.
+    """Entropic approximation, with proven bounds.
 
     Parameters
     ----------
@@ -88,10 +88,10 @@ class Sinkhorn(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Work that sweeps until the bracket is met or settles, or columns are full to 1e-6.
+        """Work that sweeps until the gap is closed or settles, or columns are full to 1e-6.
 
-        A warm start is ignored, because hot sweeps would forget it. Without kernels linear
-        programmes are used instead of sweeps: they are faster, and exact.
+        A warm start is ignored, because hot sweeps would forget it. Without compiled kernels,
+        linear programmes replace the sweeps, because they are then faster, and exact.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -174,13 +174,13 @@ def _without_kernels(batch: BlockBatch) -> Answer:
 
 
 MAX_TRACE, MAX_LINKS = 1000, 5_000_000
-"""Largest number of sweeps of a trace, and of links: all states need more than a working set."""
+"""Largest number of sweeps of a trace, and largest number of links of all its states."""
 
 MET, STILL = 1e-7, 1e-9
 """Shares of the dual at which a trace ends: gap to the primal, and change since the last check."""
 
 NEVER = 700.0
-"""Ratio of switch price to temperature from which on the mass that pays the price underflows."""
+"""Ratio of switch price to temperature above which the mass that pays the price underflows."""
 
 Trace = list[dict[str, float]]
 """Records of the checks: sweep, epsilon, violation, and primal, dual and cost in units of c^p."""
@@ -194,7 +194,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
     states : States
         The problem; temperatures are in its unit of cost, c^p.
     epsilon : float
-        The last temperature, which is reached from 0.3 in stages.
+        The lowest temperature, which is reached from 0.3 in stages.
     late : callable
         Function that returns whether to stop.
     """

@@ -19,8 +19,8 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """Return a path of largest value of each row, as weights 0 and 1, (S,).
 
-    The recursion is that of `problem.paths.best_values`, with back pointers to the state from which
-    each state, and "none" of each row, was reached.
+    The recursion is that of `problem.paths.best_values`. It also keeps the state from which each
+    state, and "none" of each row, was reached.
     """
     bounds, order, pairs, rows = turns(states)
     row, switch_price = states.pair_row, states.problem.switch_price_at
@@ -79,7 +79,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
     states : States
         The reduced problem.
     value : (S,) float array
-        Gain less price of each state.
+        Gain minus price of each state.
     preference : (S,) float array
         The state with the larger preference wins if two rows claim a column slot.
     """
@@ -209,10 +209,10 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
     """Return an assignment of largest gain (m, n), and the lowest column prices that prove it.
 
-    The result is the column of each row (-1 for none), (m,), and v >= 0, (n,): gain[i, j] - v[j] is
-    at most the own gain less own price of row i. The prices are the fixed point of v[j] = max over
-    i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual graph, which has
-    no positive cycle at an optimum).
+    The result is the column of each row (-1 for none), (m,), and prices v >= 0, (n,): for row i,
+    gain[i, j] - v[j] is at most its own gain minus its own price. The prices are the fixed point of
+    v[j] = max over i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual
+    graph, which has no positive cycle at an optimum).
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
@@ -238,7 +238,7 @@ def _hold(states: States, weights: Floats) -> None:
     """Keep pairs assigned through their runs without gain if no other pair claims the slots.
 
     If switches are free, this does not change the cost. It lowers the reported number of switches
-    as far as this assignment allows, run by run, the shortest first.
+    as far as this assignment allows. Short runs come first.
     """
     run = states.entry < 0
     size = len(weights)

@@ -1,8 +1,9 @@
 """Tuned numbers of the certified solver, each with its reason.
 
 These numbers do not affect the validity of the bounds: any prices bound the optimum from below, and
-any feasible weights from above. They affect the time until both meet. Measurements are in the log
-of changes; "not measured" means a round number.
+any feasible weights from above. They affect the time until both meet. "Not measured" means a round
+number. Scenes such as 50,100,20,2 are settings m,T,area,noise of docs/performance.md: targets,
+steps, side of the square, and standard deviation of the errors.
 """
 
 import numpy as np
@@ -68,33 +69,33 @@ class Ascending:
     square of 100 with c = 10 takes 0.77 of the time, 20,50,20,1 takes 0.9."""
 
     resumed: tuple[Stage, ...] = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
-    """Stages from a near warm start: a tenth of the time of all stages, on curves."""
+    """Stages from a near warm start. For a curve they take a tenth of the time of all stages."""
 
     repeats: int = 16
     settled: float = 0.015
     gained: float = 0.001
     """A stage that leaves columns violated by more than `settled`, and lowered the dual value by
-    more than the fraction `gained` of the cost, is repeated with a new working set. Without a new
+    more than the fraction `gained` of the cost, is repeated with a new working set. In the old
     set, more sweeps only drive prices to where states outside the set are better. With cutoffs far
     above the errors, 0.01 is far from settled after 64 sweeps: 100,60,150,2 with c = 50 takes 2.5
     instead of 10 s."""
 
     free: float = 8.0
     """If half a switch costs less than the last temperature, all steps are solved separately first.
-    If that leaves less than `Programming.nearly` of the cost, temperatures are fractions of `free`
-    times half a switch. Not measured."""
+    If the gap that is left is below `Programming.nearly` of the cost, temperatures are fractions of
+    `free` times half a switch. Not measured."""
 
     calm: float = 0.1
     calm_above: float = 0.01
     """Above the temperature `calm_above`, a stage ends when columns are violated by less than
-    `calm`: a third of the sweeps on sparse scenes."""
+    `calm`. Sparse scenes then take a third of the sweeps."""
 
     skip: float = 0.01
     skip_above: float = 0.02
     skip_above_large: float = 0.05
-    """If brackets are narrower than the fraction `skip` of the cost, the stage after one above the
+    """If gaps are smaller than the fraction `skip` of the cost, the stage after a stage above this
     temperature is skipped. The temperature is higher for large problems, which have hard spots even
-    if the bracket of the whole is narrow. Not measured."""
+    if the gap of the whole is small. Not measured."""
 
     thresholds: tuple[float, ...] = (1.0, 0.0, 3.0)
     """Multiples of the temperature: prices up to these are tried as 0, as in slots without
@@ -112,14 +113,15 @@ class Programming:
     early_gap: float = 0.1
     early_states: int = 50_000
     """Reaches of programmes after each stage from the temperature `early_from` on (small problems:
-    `early_from_small`), if brackets are narrower than the fraction `early_gap` of the cost, of
-    components of up to `early_states` states. From prices at 0.01 on a programme takes as long as
-    the sweeps that would save it the iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds
-    with wide cutoffs 0.8 of the time. After 0.02, or with a reach of 0.05, it is often in vain. The
-    reach is above `afar` only if brackets are narrower than `nearly`: then a few paths are missing,
-    which stages do not find. 300,500,300,5 with c = 10 takes 4.3 instead of 8.8 s. A second
-    programme at 0.3 with the states that became attractive, and then one at 0.5, take 0.4 and 0.75
-    of the time of 50,100,31.6, where 1.0 would join half of all states."""
+    `early_from_small`), if gaps are smaller than the fraction `early_gap` of the cost. Only
+    components of up to `early_states` states have such programmes. From prices at 0.01 on a
+    programme takes as long as the sweeps that would save its iterations: 50,100,20,2 takes 0.37
+    instead of 0.57 s, crowds with wide cutoffs 0.8 of the time. After 0.02, or with a reach of
+    0.05, it is often in vain. The reach is above `afar` only if gaps are smaller than `nearly`:
+    then a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes 4.3
+    instead of 8.8 s. A second programme at 0.3 with the states that became attractive, and then one
+    at 0.5, take 0.4 and 0.75 of the time of 50,100,31.6, where 1.0 would join half of all
+    states."""
 
     crowd: int = 20_000
     crowded: float = 0.5
@@ -131,13 +133,13 @@ class Programming:
     """Reaches after the stages of a warm start, where a few prices may be far off. Not measured."""
 
     rounds: tuple[float, ...] = (0.1, 0.3, 0.3, 0.4, 1.0, np.inf)
-    """Reaches of the rounds at the end. The first closes nearly all brackets that sweeps have
+    """Reaches of the rounds at the end. The first closes nearly all gaps that sweeps have
     settled; the last is the plain programme, so that the method ends."""
 
     sure: float = 40.0
-    """If brackets are narrower than c^p / `sure`, reaches and tolerances are fractions of `sure`
-    times their width; the first reach is four times the width. Otherwise no reduced cost shows a
-    switch that costs 1e-9 c^p: 20 x 21 x 20 on a line with p = 1 takes 0.8, not 23 s."""
+    """If the gap is below c^p / `sure`, reaches and tolerances are fractions of `sure` times the
+    gap; the first reach is four times the gap. Otherwise no reduced cost shows a switch that costs
+    1e-9 c^p: 20 x 21 x 20 on a line with p = 1 takes 0.8, not 23 s."""
 
     stuck: float = 0.5
     stuck_gap: float = 0.005
@@ -149,24 +151,25 @@ class Programming:
     its size: components in one programme take longer than one after the other."""
 
     after: int = 10
-    """Steps after the last state of a group in which its losses may still appear. Not measured."""
+    """Number of steps after the last state of a group in which its losses may still appear. Not
+    measured."""
 
     quick: int = 500
     build: float = 1e-5
-    """Largest number of states of a programme that needs no thread, as it is solved at once; and
-    seconds per state for building a programme and starting HiGHS: 3 to 10 us measured."""
+    """Up to `quick` states, a programme needs no thread, because it is solved at once. `build` are
+    the seconds per state for building a programme and starting HiGHS: 3 to 10 us measured."""
 
     tolerance: float = 1e-9
     """Tolerance of HiGHS, for each state: if the open gap is less, duals are refined."""
 
     met: float = 1e-13
-    """Fraction of the cost below which brackets are as narrow as doubles allow, so that no more
-    prices are tried."""
+    """Fraction of the cost below which a gap is as small as doubles allow, so that no more prices
+    are tried."""
 
     snap: float = 1e-9
     overfull: float = 1e-15
-    """Distance from 0 and 1 within which weights are set to 0 or 1; and the excess of their sums
-    above 1 from which on weights are scaled."""
+    """Weights within `snap` of 0 or 1 are set to 0 or 1. Weights are scaled if their sum exceeds 1
+    by more than `overfull`."""
 
 
 class Crowding:
@@ -180,8 +183,8 @@ class Crowding:
     """Above `size` states the interior point method pays: fewer take the simplex method a tenth of
     a second. It follows the last stage if, at the temperature `coldest` or below, the mean of 1 - m
     over the masses m exceeds `undecided`. Up to `large` states the temperature must also be at most
-    the fraction `of_located` of the mean cost of assigned pairs: hotter, everything looks
-    undecided, and 60,50,20,2 with c = 10 takes 1.4 instead of 1 s. But 60 x 100 with a class
+    the fraction `of_located` of the mean cost of assigned pairs. At higher temperatures everything
+    looks undecided, and 60,50,20,2 with c = 10 takes 1.4 instead of 1 s. But 60 x 100 with a class
     ignored, 134,000 states, is left open by the simplex method. The mean is 0.22 in 50,100,20,2 and
     100,100,30,2, which the simplex method solves twice as fast, and 0.35 in 100,100,20,2."""
 
@@ -192,8 +195,8 @@ class Crowding:
     helped: float = 0.7
     widest: float = 4.0
     nearly: float = 1e-4
-    """Least number of states of a group for this method. The `reach` is halved, down to
-    `min_reach`, while more than `each` states are near at each slot of a row, because time grows
+    """Groups of fewer than `min_states` states do not use this method. The `reach` is halved, down
+    to `min_reach`, while more than `each` states are near at each slot of a row, because time grows
     with the cube of their number. After a round that leaves more than the share `helped` of the
     gap, the reach is doubled, up to the factor `widest` (8 took the same time in all cases). Below
     the fraction `nearly` of the cost rounds are solved up to rounding. The first round leaves 2e-4
@@ -201,7 +204,7 @@ class Crowding:
 
 
 class Windowing:
-    """Settings of programmes around steps that keep brackets open, for many undecided states.
+    """Settings of programmes around steps that keep gaps open, for many undecided states.
 
     Chosen on recordings in which one component had a million undecided states: the time of one
     model of HiGHS for all of them grows faster than its size.
@@ -213,11 +216,11 @@ class Windowing:
     span: int = 25
     widen: int = 4
     shrink: float = 0.3
-    """Steps on both sides; the factor by which these grow, and the remaining share of the gap above
-    which they grow. Not measured."""
+    """A window has `span` steps before and after each of these steps. If more than the share
+    `shrink` of the gap remains, `span` is multiplied by `widen`. Not measured."""
 
     farther: float = 1.0
-    """Reach after a window that did not help, before the span grows: more states, then steps."""
+    """Reach after a window that did not help. If this reach does not help, the span grows."""
 
     spared: float = 0.25
     """Steps of least loss are left out up to this share of the allowed gap. Not measured."""
@@ -239,18 +242,19 @@ class TimeWindowing:
     size: int = 50_000
     shortest: int = 50
     overlap: int = 5
-    """Number of states of the core of a window, its least number of steps, and the additional steps
-    on either side without `fading`. 100,3000,100 with 740,000 states takes 1.5 instead of 1.9 s on
-    one core, the hard 60,600,60,2 with c = 20 and 670,000 states 5.9 instead of 8.5 s. With 100,000
-    states each the latter takes 5.5 s, but the former 2.5 s, and there are fewer windows for the
-    threads. If prices are not unique, more overlap does not close more seams, and it is solved
-    twice."""
+    """The core of a window has about `size` states and at least `shortest` steps. The window has
+    `overlap` more steps on either side, and those of `fading`. 100,3000,100 with 740,000 states
+    takes 1.5 instead of 1.9 s on one core, the hard 60,600,60,2 with c = 20 and 670,000 states 5.9
+    instead of 8.5 s. If `size` is 100,000, the latter takes 5.5 s, but the former 2.5 s, and there
+    are fewer windows for the threads. If prices are not unique, more overlap does not close more
+    seams, and the steps in it are solved twice."""
 
     fading: float = 4.0
     highest_price: float = 10.0
-    """Additional steps on either side for each c^p that half a switch costs: if it costs 2 c^p, 5
-    steps leave gaps of 1e-3, and 10 steps leave no gaps. If it costs more than `highest_price` c^p,
-    the assignment depends on steps far away, and components are not divided (not measured)."""
+    """`fading` steps are added on either side for each c^p that half a switch costs: if it costs 2
+    c^p, 5 steps leave gaps of 1e-3, and 10 steps leave no gaps. If it costs more than
+    `highest_price` c^p, the assignment depends on steps far away, and components are not divided
+    (not measured)."""
 
 
 ASCENT, PROGRAMMES, CROWDS, WINDOWS = Ascending(), Programming(), Crowding(), Windowing()

@@ -1,10 +1,10 @@
-"""Proposals for a problem from solutions of neighbours: components that need no solver.
+"""Proposals for a problem from solutions of neighbouring problems: parts may need no solver.
 
     L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
 
 because the bound L is concave in prices and C, where C = c^p or gamma^p (docs/theory/solvers.md,
 "Sweeps of a parameter"). If both neighbours have the same best assignment, the optimum is on the
-chord.
+straight line between theirs.
 """
 
 from functools import cached_property
@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
-"""Excess of a sum of weights above 1 that is more than rounding; the proof scales smaller ones."""
+"""Excess of a sum of weights above 1 that is more than rounding; the proof repairs less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class SavedSolution:
     weight : (A,) float array
         Weight of each assignment.
     priced, step : (B,) int arrays
-        Estimates that have a price, and the first step of each price.
+        Estimate and first step of each price.
     price : (B,) float array
         Prices, > 0.
     estimates, steps : int
@@ -57,7 +57,7 @@ class SavedSolution:
 
     @cached_property
     def running_prices(self) -> tuple[Ints, Floats]:
-        """(estimate, step) of each price as one number, sorted, and sums of the prices before."""
+        """(estimate, step) of each price as one number, sorted, and sums of all prices before."""
         place = self.priced * np.int64(self.steps) + self.step
         order = np.argsort(place, kind="stable")
         return place[order], np.concatenate(([0.0], np.cumsum(self.price[order])))
@@ -138,12 +138,12 @@ def make_warm_start(
     shares: tuple[float, ...],
     origin: tuple[Ints, Ints, Ints] | None = None,
 ) -> WarmStart:
-    """Build a start from the assignments of neighbours, and shares of their prices.
+    """Build a warm start from the assignments of neighbours, and shares of their prices.
 
     The weight of a state is the weight of its pair at its first step. The price of a slot is the
-    sum of the prices of its estimate at its steps; how they are spread over a slot has no meaning.
-    `origin` has the numbers of the true objects, estimates and steps of this problem in the saved
-    ones; by default they are the same.
+    sum of the prices of its estimate at its steps. How prices are spread over a slot has no
+    meaning. `origin` has the numbers of the true objects, estimates and steps of this problem in
+    the saved ones; by default they are the same.
     """
     problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
     same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))

@@ -74,7 +74,7 @@ function prepare(canvas, height) {
   return [context, width, height];
 }
 
-// The width is that of the lanes, which may have a scroll bar, so that steps are above one another.
+// All pictures are as wide as the lanes, which may have a scroll bar, so that steps are above one another.
 function alignWithLanes(canvas) {
   const width = lanes.canvas.clientWidth;
   canvas.style.width = printing || !width ? "" : `${width}px`;
@@ -102,7 +102,7 @@ function drawNow() {
   for (const view of views) view.draw();
 }
 
-// Begin and end of each step: halfway to its neighbours, and next to a gap half the typical distance.
+// Begin and end of each step: halfway to its neighbours, or half the typical distance if there is a gap.
 const [begins, ends] = (() => {
   const gaps = [...moments.keys()].slice(1).map((k) => moments[k] - moments[k - 1]);
   const usual = [...gaps].sort((a, b) => a - b)[Math.floor(0.9 * (gaps.length - 1))] ?? 1;
@@ -140,7 +140,7 @@ function tick(value, ticks) {
   return Number(value.toFixed(digits)) === 0 ? "0" : grouped(value, digits);
 }
 
-// Computed numbers, such as 0.1 + 0.2, lose the digits that come from rounding.
+// Computed numbers, such as 0.1 + 0.2, are shown without the digits that come from rounding.
 const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
 // Length of the common beginning of times that are texts, such as the date.
 const shared = (() => {

@@ -1,7 +1,7 @@
 // Stacked cost of each step, and the normalised cumulative cost.
 const costs = {
   canvas: document.getElementById("costs"),
-  // With more steps than pixels each pixel shows its costliest step, which a click also selects.
+  // If there are more steps than pixels, each pixel shows its costliest step, which a click selects.
   together: (width) => Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT))),
   dearest(step, width) {
     const size = this.together(width), first = step - (step - state.from) % size;
@@ -112,11 +112,11 @@ const windows = doc.windows && {
   },
   draw() {
     const [low, high] = this.shown();
-    drawLines(this.canvas, { at: (k) => this.middle(k), values: doc.windows.lines, low, high, title: "per step of it" });
+    drawLines(this.canvas, { at: (k) => this.middle(k), values: doc.windows.lines, low, high, title: "per step of a window" });
   },
 };
 
-// NEES of each step over its band, with gaps at steps without pairs; below it the ranks of particles.
+// NEES of each step over its band, with gaps at steps without pairs. Below it are the ranks of particles.
 const nees = doc.nees && {
   canvas: document.getElementById("nees"),
   words(step) {
@@ -189,7 +189,7 @@ function costWords(step) {
     const count = doc.counts[name] ? ` (${number(doc.counts[name][step])})` : "";
     return `${word(name)} ${number(doc.costs[name][step])}${count}`;
   });
-  return `${doc.together > 1 ? `a step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
+  return `${doc.together > 1 ? `mean step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
 }
 
 const barAt = (step) => costs.dearest(step, costs.canvas.clientWidth);

@@ -1,5 +1,5 @@
-// A lane for each truth, then one for each estimate with false steps; only visible lanes are drawn.
-const FOLDED = 40; // number of truths above which those without events are hidden
+// A lane for each true object, then one for each estimate with false steps; only visible lanes are drawn.
+const FOLDED = 40; // number of true objects above which those without events are hidden
 const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
@@ -89,7 +89,7 @@ const lanes = {
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
     const crowded = span() > 1.5 * (width - LEFT - RIGHT), notes = [];
-    if (crowded) notes.push("There are more steps than pixels: what hangs from the top of a lane is the share of steps that are missed or false.");
+    if (crowded) notes.push("There are more steps than pixels, so bars from the top of a lane show the share of steps that are missed or false.");
     if (printing && shown < whole) notes.push(`${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen.`);
     document.getElementById("lanes-note").textContent = notes.join(" ");
   },
@@ -186,7 +186,7 @@ const lanes = {
     if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
   },
 
-  // With more steps than pixels, the height is the share of unassigned steps of each pixel.
+  // If there are more steps than pixels, the height is the share of unassigned steps in each pixel.
   drawShares(context, run, inside, name, y, width) {
     const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
     for (const r of inside) {

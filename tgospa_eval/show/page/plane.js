@@ -96,8 +96,8 @@ const plane = {
     context.restore();
     document.getElementById("plane-note").textContent =
       (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
-      (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
-      (this.most > 1 ? `A mark stands for all of a kind that are near to each other, at most ${number(this.most)}; its area is their number. ` : "") +
+      (doc.stride > 1 ? `Drawn are one in ${doc.stride} positions, and all missed targets, false targets and changes of assignment. ` : "") +
+      (this.most > 1 ? `One mark stands for all events of a kind near each other, at most ${number(this.most)}; its area shows their number. ` : "") +
       shapes.note();
   },
 
@@ -178,7 +178,7 @@ const plane = {
     return places.map((value) => [value, tick(value, places)]);
   },
 
-  // A line for each stretch of steps. Points close to the last point are left out, more in faded lines.
+  // A line for each run of consecutive steps. Points close to the point before are left out, more of them in faded lines.
   lines(context, side, only, width, height) {
     const { row } = side, [xs, ys] = this.coordinates(side), truth = side.name === "truth";
     context.lineJoin = "round";
@@ -217,7 +217,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // Arrowheads and ids of estimates at ends of tracks, ids of truths at begins; only the costliest tracks.
+  // Arrowheads and ids of estimates at ends of tracks, and ids of truths at begins, for the costliest tracks.
   ends(context, side, only, width, height) {
     const [xs, ys] = this.coordinates(side), truth = side.name === "truth", taken = [];
     const tracks = [...Array(side.count).keys()].filter((k) => !only || only.has(k));
@@ -297,7 +297,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // A mark for each kind and place, with an area for the number of events there.
+  // A mark for each kind and place; its area shows the number of events there.
   groups(context, width, height) {
     const byKind = { missed: new Map(), false: new Map(), switch: new Map() };
     const add = (name, x, y) => {
@@ -393,7 +393,7 @@ const plane = {
       context.stroke();
     }
     context.globalAlpha = 1;
-    // Names of all tracks if there is room, otherwise of the selected track and its partner.
+    // Names of all tracks if there is room, otherwise names of the selected track and its partner.
     const few = places.truth.size + places.estimate.size <= 60, named = { truth: new Set(), estimate: new Set() };
     if (!few && state.track !== null) {
       const side = sides[state.side], r = runAt(side, state.track, state.step);

@@ -19,12 +19,12 @@ const shapes = {
     const what = doc.boxes ? "boxes" : axes.includes(TIME) ? "95 % intervals" : "95 % ellipses";
     if (this.shown(...axes)) parts.push(`${number(this.shownAlong[0])} of ${number(all)} ${what}${!doc.boxes && doc.spread.stride > doc.stride ? ` (those of one in ${doc.spread.stride} steps are known)` : ""}`);
     if (known && this.dots.checked) {
-      parts.push(`${number(this.shownAlong[1])} of ${number(known)} particles (the page has ${number(doc.particles.truth[0] + doc.particles.estimate[0])}${doc.every > doc.stride ? `, of one in ${doc.every} steps` : ""}), their area by weight`);
+      parts.push(`${number(this.shownAlong[1])} of ${number(known)} particles (of ${number(doc.particles.truth[0] + doc.particles.estimate[0])} in the page${doc.every > doc.stride ? `, from one in ${doc.every} steps` : ""}), their area by weight`);
     }
-    return parts.length ? `Along trajectories, more where the view is nearer: ${parts.join("; ")}; and all of the selected step.` : "";
+    return parts.length ? `Drawn along trajectories (more after zooming in): ${parts.join("; ")}. All of the selected step are drawn.` : "";
   },
 
-  // Deviations of two components at a step, and the angle between them, interpolated between known rows.
+  // Standard deviations of two components at a step, and the angle of their correlation, interpolated between known rows.
   spread(side, spread, track, step, across, up) {
     const { row } = side;
     if (!spread) return null;

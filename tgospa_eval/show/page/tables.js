@@ -96,7 +96,7 @@ function worstTables() {
     make("thead", make("tr", head.map((text) => make("th", text, { scope: "col" })))),
     make("tbody", rows.length ? rows : make("tr", make("td", "none", { colspan: head.length }))),
   ]));
-  // If steps are joined into stretches, the document lists the costliest steps separately.
+  // If several steps share a bar, the document lists the costliest steps separately.
   const several = doc.together > 1, { costs, counts } = several ? doc.worst : doc;
   const each = several ? doc.worst.t.map((_, k) => PARTS.reduce((sum, name) => sum + costs[name][k], 0)) : total;
   const switches = PARTS.includes("switch");
@@ -170,7 +170,7 @@ function drawDetail() {
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
     const runs = [], first = run.first[k], end = run.first[k + 1];
-    // With many runs only those around the selected step are listed.
+    // If there are many runs, only those around the selected step are listed.
     let begin = first;
     while (state.step !== null && begin < end && run.end[begin] < state.step) begin++;
     begin = Math.max(first, Math.min(begin - (MANY >> 1), end - MANY));
