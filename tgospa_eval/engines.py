@@ -520,8 +520,8 @@ class Remote:
             yield
         except (OSError, CancelledError):
             raise ConfigError(
-                f"{option('scheduler', self.address)}: the connection was lost; what is stored "
-                "stays, and the same command goes on from there"
+                f"{option('scheduler', self.address)}: the connection was lost; stored results "
+                "are kept, and the same command continues from them"
             ) from None
 
     def close(self) -> None:

@@ -28,7 +28,7 @@ def gradient(result: PairEvaluation) -> Gradient:
     if sides.alignment.reports is not None:
         raise ConfigError(
             f"{option('resample')}: a report holds for several steps, so no derivative is known; "
-            "evaluate at the times of the estimate, "
+            "evaluate at the times of the estimate instead, by "
             f"{option('interpolate', 'truth')}"
         )
     proof = result.proof

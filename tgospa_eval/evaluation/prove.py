@@ -222,8 +222,9 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
     return (
         Notice(
             code="within-rounding",
-            text="the value is no larger than the rounding of distances: only its bounds are known",
-            remedy="coordinates with a nearby origin keep more digits",
+            text="the value is so small that rounding of distances alone could cause it; only its "
+            "bounds are known",
+            remedy="use coordinates with a nearby origin, which keep more digits",
         ),
     )
 
@@ -237,10 +238,10 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
         Notice(
             code="at-cutoff",
             text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff "
-            "within rounding: nearer pairs cost nothing, others are false, so the last "
-            "digits of the states decide",
-            remedy=f"a slightly larger {option('cutoff')} makes them cost nothing, a smaller one "
-            "makes their estimates false",
+            "within rounding, so the last digits of the states decide: a nearer estimate costs "
+            "nothing, any other estimate is false",
+            remedy=f"with a slightly larger {option('cutoff')} these estimates cost nothing; with "
+            "a slightly smaller one they are false",
         ),
     )
 
@@ -270,7 +271,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
             text=f"floating-point numbers near the largest coordinate, {largest:.3g}, are "
             f"{spacing:.2g} apart: digit {math.ceil(-math.log10(error / total))} of the "
             "total may come from rounding",
-            remedy="coordinates with a nearby origin keep more digits",
+            remedy="use coordinates with a nearby origin, which keep more digits",
         ),
     )
 

@@ -77,8 +77,8 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
         if shape.kind in (POLYGON, GEOJSON) and not _shapely().is_valid(_polygon(shape)):
             place = _shapely().is_valid_reason(_polygon(shape)).partition("[")[2].rstrip("]")
             raise InputError(
-                f"{shape.where}: a polygon whose edges cross or overlap, at {place or 'a hole'}; "
-                "write its corners in order around it, or two polygons"
+                f"{shape.where}: edges of the polygon cross or overlap at {place or 'a hole'}; "
+                "write its corners in order around it, or write two polygons"
             )
     return regions
 

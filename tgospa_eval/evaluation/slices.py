@@ -143,8 +143,8 @@ def members(
     if summed:
         shown = ":".join(f"{edge:g}" for edge in edges)
         raise ConfigError(
-            f"{option('slices', attribute.name)}: {len(distinct):,} different values from "
-            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges: "
+            f"{option('slices', attribute.name)}: there are {len(distinct):,} values from "
+            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges, such as "
             f"{attribute.name}=:{shown}:"
         )
     return _ranged((-np.inf, *edges, np.inf), numbers, rows)
@@ -162,7 +162,7 @@ def _numbers(
         shown = listed(sorted(set(given.tolist()))[:5])
         raise ConfigError(
             f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), which have no "
-            f"{wanted}; by value: {option('slices', attribute.name)}"
+            f"{wanted}; {option('slices', attribute.name)} makes a slice for each text"
         )
     return [
         None
@@ -377,10 +377,10 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
     if name == "size":
         return (
             f"{option('slices', 'size')}: neither side has boxes or columns width and height "
-            f"(found: {listed(there)})"
+            f"(there are {listed(there)})"
         )
     return (
-        f"{option('slices')} {quoted(name)}: neither side has such a column (found: "
+        f"{option('slices')} {quoted(name)}: neither side has such a column (there are "
         f"{listed(there)}); other attributes are {', '.join(DERIVED)}"
     )
 

@@ -118,8 +118,8 @@ def _attribute(part: str, text: str) -> Attribute:
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(
-            f"{option('slices')} {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, as "
-            "range=0:50:100; two of them with * between"
+            f"{option('slices')} {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, such "
+            "as range=0:50:100, or two of these joined by *"
         )
     if name == OF_REGION:
         return _region(rest, text)

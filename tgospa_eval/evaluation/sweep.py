@@ -66,8 +66,8 @@ def _check_steps(
     )
     if not np.array_equal(first, last):
         raise ConfigError(
-            "which steps count depends on the cutoff, as objects are missed while the estimate is "
-            f"silent: use a common clock, {option('resample')}"
+            "the steps that count depend on the cutoff, because objects are missed in outages of "
+            f"the estimate; use a common clock ({option('resample')})"
         )
 
 

@@ -172,7 +172,7 @@ def evaluate_partitioned(
         with stopwatch.span("read"):
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
-                stopwatch.notify(f"{changed}: has changed since; starting again")
+                stopwatch.notify(f"{changed}: has changed since the last run; starting again")
             reading, texts = _with_heights(reading, paths, request_of)
             for text in texts:
                 stopwatch.notify(text)

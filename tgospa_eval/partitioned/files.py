@@ -160,7 +160,7 @@ def _kind(path: str) -> str:
     looks = "csv" if is_packed(head) or suffix in CSV_SUFFIXES else guess(path, head)
     if looks == "csv" and suffix in (*CSV_SUFFIXES, ".txt", ""):
         return "csv"
-    what = "is no table by its name" if looks == "csv" else f"looks like {looks}"
+    what = "its name is not that of a table" if looks == "csv" else f"looks like {looks}"
     raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")
 
 

@@ -138,8 +138,8 @@ def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
         for value, source in parts:
             if value.dtype.kind == "i" and len(value) and np.abs(value).max() >= EXACT_BELOW:
                 raise InputError(
-                    f"{source}: has integer times that are not exact next to the decimal times of "
-                    "other files; write all times as 64-bit integers"
+                    f"{source}: its integer times are too large to be compared exactly with "
+                    "decimal times of other files; write all times as 64-bit integers"
                 )
     return np.concatenate([value for value, _ in parts])
 
@@ -300,9 +300,9 @@ def run_names(folders: Iterable[Path], name: str) -> list[str]:
     for attribute, present in kinds.items():
         if {"numbers", "texts"} <= present:
             raise InputError(
-                f"{name}, column {quoted(attribute)}: some parts have numbers alone and some have "
-                "texts, so they are not compared alike; write texts that are not numbers, or "
-                "evaluate a part that fits into memory as one file"
+                f"{name}, column {quoted(attribute)}: some parts have only numbers and some have "
+                "texts, so equal values could be compared differently; write texts that are not "
+                "numbers, or evaluate a part that fits into memory as one file"
             )
     return sorted(classes, key=natural)
 

@@ -204,9 +204,9 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     if columns_in_use(roles) == columns_in_use(first):
         return
     raise InputError(
-        f"{file.path}: read by its columns {listed(columns_in_use(roles))}, and "
-        f"{first_file.path} by {listed(columns_in_use(first))}; write the same into all files, or "
-        f"name them with {option('columns')}"
+        f"{file.path}: it has the columns {listed(columns_in_use(roles))}, but "
+        f"{first_file.path} has {listed(columns_in_use(first))}; write the same columns into all "
+        f"files, or name them with {option('columns')}"
     )
 
 
@@ -422,9 +422,9 @@ class PartsSide:
         trajectories = reading.trajectories
         if trajectories.clouds is not None:
             raise InputError(
-                f"{self.path}: rows repeat an (id, t) and there are weights, as of clouds of "
-                "particles, which are not read in parts; give one file that fits into memory, or "
-                "one row per object and step"
+                f"{self.path}: rows repeat an (id, t) and have weights, so they seem to be "
+                "particles of clouds, which are not read in parts; give one file that fits into "
+                "memory, or one row per object and step"
             )
         if steps.labels is not None:
             trajectories = _labelled(trajectories, decoded(steps.labels[begin:end]))

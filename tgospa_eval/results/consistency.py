@@ -206,8 +206,8 @@ class NeesSums:
         share = f"{100 * self.inside / self.pairs:.1f} %"
         return (
             f"{number(self.mean, 4)} where {self.components} is expected "
-            f"({band_in_words(low, high)}), {share} of states inside {100 * INSIDE:g} %: "
-            f"{self.verdict}"
+            f"({band_in_words(low, high)}), {share} of states inside the "
+            f"{100 * INSIDE:g} % region: {self.verdict}"
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
@@ -218,7 +218,7 @@ class NeesSums:
         if low <= self.mean <= high:
             return ()
         size = "small" if self.mean > high else "large"
-        caveat = "" if spread is None else "; smaller covariances cost less, right or wrong"
+        caveat = "" if spread is None else "; smaller covariances cost less even if they are wrong"
         return (
             Notice(
                 code=self.verdict,

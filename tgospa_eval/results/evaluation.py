@@ -592,10 +592,10 @@ class Evaluation(ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     per_step = frame_of("per_step", "Cost of each step by kind.")
-    curve = frame_of("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
-    windows = frame_of("windows", "Sliding windows, if they were asked for.")
+    curve = frame_of("curve", "TGOSPA of the steps up to each step, and its parts, if requested.")
+    windows = frame_of("windows", "Sliding windows, if requested.")
     switches = frame_of("switches", "Changes of each truth's assignment.")
-    assignments = frame_of("assignments", "Pairs that both exist, are near, and are assigned.")
+    assignments = frame_of("assignments", "Assigned pairs of states nearer than the cutoff.")
     per_truth = frame_of("per_truth", "Steps, costs and counts of each truth.")
     per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 

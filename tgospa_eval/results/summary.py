@@ -115,7 +115,7 @@ class TrackedShares:
         if not 0 <= self.lost <= self.tracked <= 1:
             raise ConfigError(
                 f"is {self.lost:g}:{self.tracked:g}: must be two shares from 0 to 1, the lower one "
-                "first, as 0.2:0.8"
+                "first, such as 0.2:0.8"
             )
 
     @classmethod
@@ -124,7 +124,7 @@ class TrackedShares:
         try:
             lost, tracked = map(float, text.split(":"))
         except ValueError:
-            raise ConfigError(f"is {text}: must be two shares, as 0.2:0.8") from None
+            raise ConfigError(f"is {text}: must be two shares, such as 0.2:0.8") from None
         return cls(lost=lost, tracked=tracked)
 
 

@@ -137,7 +137,7 @@ class Tracker:
             shortest, longest = self.false_length
         except (TypeError, ValueError):
             raise ConfigError(
-                f"false-length is {self.false_length!r}: must be two numbers, least and most"
+                f"false-length is {self.false_length!r}: must be two numbers, smallest and largest"
             ) from None
         for length in (shortest, longest):
             whole_number("false-length", length, 1, LARGEST_COUNT)
