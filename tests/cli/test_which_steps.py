@@ -299,7 +299,10 @@ def test_gaps_of_the_truth_are_told() -> None:
     known = known[~((known["id"] == "1") & known["t"].between(10, 20))]
     found = evaluate(known, tracker(), **METRIC, resample=1, max_gap=4)
     (told,) = [notice for notice in found.warnings if notice.code == "truth-gaps"]
-    assert "the truth has 1 gap longer than 4, of total length 12, in the tracks of id 1; 12" in told.text
+    assert (
+        "the truth has 1 gap longer than 4, of total length 12, in the tracks of id 1; 12"
+        in told.text
+    )
     assert "costs up to 600" in told.text
     assert found.counts["false"] == 12  # one of them is made in the gap, and holds after it
 
