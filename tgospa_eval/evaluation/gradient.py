@@ -67,7 +67,7 @@ def _moved(
     """Return derivatives with respect to the estimate: states, particles and first particles.
 
     They are arrays for R states (R, d), P particles (P, d), and the index of the first particle of
-    each state (R + 1,). The last two are None without clouds. `given` is the distance before it is
+    each state (R + 1,). The last two may be None. `given` is the distance before it is
     fitted to the data. `change` (N,) is the derivative of the total with respect to the distance of
     each of N pairs.
     """

@@ -91,7 +91,7 @@ class MeasuredSides(ComparedSides):
         Function that returns two records: rows and digest of each side, and the data on which a
         value is evaluated. Trials of repairs do not call it.
     step_weights : pair of float arrays, optional
-        Weights of each step.
+        Weights of the costs and of the switches of each step.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
     """
@@ -282,9 +282,10 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Return pairs whose gain is discontinuous, and the distance where it is: cutoff plus reach.
+        """Return pairs whose gain is discontinuous at a distance, and this distance.
 
-        These are pairs of an ignored true state and an estimate that is not excused. The gain of
+        The distance is the cutoff plus the reach of the true state. These are pairs of an ignored
+        true state and an estimate that is not excused. The gain of
         other pairs falls continuously to 0 at the cutoff, so rounding does not matter there.
         """
         assert self.unjudged is not None

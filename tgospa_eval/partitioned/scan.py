@@ -113,7 +113,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both sides from each step (T,) until before the next step."""
+        """Number of rows of both sides from each step until before the next step (T,)."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -227,7 +227,7 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Return the step of each timestamp of a side from its aligned `clock_of`, -1 for no step."""
+    """Return the step of each timestamp of a side, -1 for no step; `on` is its aligned clock."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
@@ -286,9 +286,10 @@ class Scanned:
     def read(self, name: str) -> NDArray[Any]:
         """Read an array that grows with the number of tracks, and is not kept in memory.
 
-        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). Each role has the ids
-        of tracks with a row, ``"truth_ids"`` (k,), the numbers of their rows, ``"truth_rows"``,
-        and the numbers of rows that are not evaluated, ``"truth_unjudged_rows"``.
+        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). For k truths with a
+        row, ``"truth_ids"`` (k,) has the ids, ``"truth_rows"`` the numbers of rows, and
+        ``"truth_unjudged_rows"`` the numbers of rows that are not evaluated. Arrays of estimates
+        have the same names with ``"estimate"``.
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]
