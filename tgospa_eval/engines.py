@@ -1,9 +1,9 @@
 """Engines that do jobs in chunks, and try jobs of dead workers again.
 
-An engine opens pools, of which only `submit` and callbacks of futures are used. Engines are
-`Processes` of this machine (loky, from joblib) and the workers of a `Cluster` (an existing Dask
-scheduler; errors and output of Dask stay in this module). `call_in_helper` uses one more process,
-for compiled code that damaged data may crash.
+An engine opens pools of workers, and jobs are submitted to a pool. `Processes` are workers of this
+machine (loky, from joblib). A `Cluster` has the workers of an existing Dask scheduler; errors and
+output of Dask stay in this module. `call_in_helper` uses one more process, for compiled code that
+damaged data may crash.
 """
 
 import atexit
@@ -37,13 +37,13 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 CHUNK_SECONDS = 1.0
-"""Seconds after which a worker returns its finished answers, and the jobs that it has not begun."""
+"""Seconds after which a worker returns its finished answers and gives back other jobs."""
 
 POLL = 1.0
 """Seconds between checks of a pool without answers."""
 
 CHUNKS_AHEAD = 4
-"""Number of chunks for each worker into which remaining jobs are divided; chunks shrink."""
+"""Remaining jobs are divided into this number of chunks for each worker, so chunks shrink."""
 
 
 class DiedError(Exception):
@@ -81,13 +81,13 @@ class Engine(Protocol):
     """Opener of pools that do jobs."""
 
     def open(self, max_workers: int) -> AbstractContextManager[Pool]:
-        """Yield at most so many workers; an exception in the block ends their work at once."""
+        """Yield a pool with at most `max_workers`; an exception in the block ends its work."""
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""Attempts at jobs: largest number of jobs in a chunk; number of chunks with each worker, all of
-which are tried again if a worker dies; whether no other job runs at the same time. Jobs of a dead
-worker are tried again in smaller groups, to find the job that caused the death."""
+"""Settings of the attempts at a job: largest number of jobs in a chunk; number of chunks that each
+worker has; whether the job runs alone. If a worker dies, jobs of all its chunks are tried again in
+smaller groups, to find the job that caused the death."""
 
 
 def spread(
@@ -95,8 +95,8 @@ def spread(
 ) -> Generator[R, None, None]:
     """Do the jobs, and yield answers as they are ready.
 
-    Jobs of a worker that died are tried again by the rules of `ATTEMPTS`. A job whose worker dies
-    when no other job runs gets the answer of `lost`.
+    Jobs of a worker that died are tried again by the rules of `ATTEMPTS`. If a worker dies while no
+    other job runs, its job gets the answer of `lost`.
     """
     left: Sequence[J] = jobs
     for chunk_size, ahead, separate in ATTEMPTS:
@@ -186,8 +186,8 @@ class Processes:
     Parameters
     ----------
     number : int, optional
-        Number of processes; by default the number of cores. Each may take its share of the
-        available memory.
+        Number of processes; by default the number of cores. Each process may use its share of
+        the available memory.
     """
 
     def __init__(self, number: int | None = None) -> None:
@@ -198,7 +198,7 @@ class Processes:
         """Yield processes that end at once when the work is interrupted."""
         from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
-        # The process that keeps the locks of a pool would complain when the pool is broken off.
+        # The process that tracks the locks of a pool would complain if the pool ends early.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         _begin_trackers()
         number = max(1, min(self.number or cores(), max_workers))
@@ -284,8 +284,8 @@ def _begin(share: int | None, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
 
-    # Loky takes it for a leak when a worker has grown by 0.3 GB; large jobs do, and the limit is
-    # ours to set. Where it has no such number, nothing happens.
+    # Loky considers a growth by 0.3 GB a leak, but large jobs need it, and `share` limits memory.
+    # If a version of loky has no such number, this has no effect.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     limit_memory(share)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -296,10 +296,10 @@ def limit_memory(share: int | None) -> None:
     if share is not None and sys.platform == "linux":
         import resource
 
-        # Memory that can be written; address space would count what is only reserved.
+        # This limits memory that can be written; address space includes memory only reserved.
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if hard == resource.RLIM_INFINITY or share < hard:
-            with suppress(ValueError, OSError):  # others may have set a lower limit meanwhile
+            with suppress(ValueError, OSError):  # another program may have set a lower limit
                 resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
 
 
@@ -310,7 +310,7 @@ def _watch(parent: int) -> None:
 
 
 # -------------------------------------------------------------------------------------------------
-# Workers that stay from one list of jobs to the next: to have them anew takes a second each.
+# Workers that are kept from one list of jobs to the next, because a start takes a second each.
 
 
 class PersistentPool:
@@ -325,8 +325,8 @@ class PersistentPool:
     max_workers : int
         Requested number of workers.
     patience : float
-        Seconds of work that the caller does itself before workers begin; shorter work ends before
-        workers would have started.
+        Seconds of work that the caller does itself before workers start. Shorter work ends without
+        workers.
     """
 
     def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
@@ -360,9 +360,9 @@ class PersistentPool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Workers of a cluster: that of a Dask scheduler which is there already.
+# Workers of the cluster of an existing Dask scheduler.
 #
-# Whatever Dask raises and prints stays in this module.
+# Errors and output of Dask stay in this module.
 
 CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
@@ -424,7 +424,7 @@ class Cluster:
             await comm.close()
 
         try:
-            asyncio.run(reach())  # a client that finds none would complain long after
+            asyncio.run(reach())  # a client without scheduler would print messages long after
         except (OSError, ValueError) as error:
             raise ConfigError(
                 f"{option('scheduler', self.address)}: no Dask scheduler answers: "
@@ -459,7 +459,7 @@ class Remote:
         self._is_reported = self.died = False
 
     def workers(self) -> int:
-        """Return the number of threads of all workers, at most a second old."""
+        """Return the number of threads of all workers, as known at most a second ago."""
         if time.monotonic() - self._counted > POLL:
             with self._lost_reported():
                 self._threads = sum(self.client.nthreads().values())
@@ -494,7 +494,7 @@ class Remote:
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None
-        except RuntimeError as error:  # the scheduler may fail on what it passes on
+        except RuntimeError as error:  # the scheduler may fail while it passes the answer on
             if isinstance(error.__cause__, ImportError):
                 raise self._lacking(error.__cause__) from None
             raise
@@ -520,8 +520,8 @@ class Remote:
             yield
         except (OSError, CancelledError):
             raise ConfigError(
-                f"{option('scheduler', self.address)}: the connection was lost; what is stored "
-                "stays, and the same command goes on from there"
+                f"{option('scheduler', self.address)}: the connection was lost; stored results "
+                "are kept, and the same command continues from them"
             ) from None
 
     def close(self) -> None:
@@ -548,9 +548,9 @@ def call_checked(content: bytes, version: str) -> Any:
 
 
 # -------------------------------------------------------------------------------------------------
-# One process beside ours, for compiled code that damaged data may end: it alone ends then.
+# A helper process for compiled code that damaged data may crash, so that only the helper ends.
 #
-# It begins with the first call and stays as long as this process does.
+# It starts with the first call, and ends with this process.
 
 SERVE = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -582,7 +582,7 @@ def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
 
 
 @cache
-def _started(parent: int) -> Any:  # noqa: ARG001  (one that was forked has none)
+def _started(parent: int) -> Any:  # noqa: ARG001  (a forked process has no helper)
     """Start the process."""
     with uninterrupted():
         process: Any = subprocess.Popen(

@@ -136,7 +136,7 @@ def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
 
 
 def _longest_hole(side: Trajectories) -> int:
-    """Return the longest run of the file's steps at which a track is absent between its ends."""
+    """Return the largest number of consecutive steps that a track lacks between its ends."""
     order = np.argsort(side.track, kind="stable")
     track, step = side.track[order], side.step[order]
     same = track[1:] == track[:-1]
@@ -192,7 +192,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
 
 
 def _common_range(a: Floats, b: Floats) -> Json | None:
-    """Return the range in which both have values, or None without one."""
+    """Return the range that both sets of values cover, or None if there is none."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
@@ -215,8 +215,8 @@ def _overlap(aligned: Alignment) -> Json | None:
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
     """Return distances from true states to the nearest estimate of their step, at common steps.
 
-    At most `SAMPLE` steps, and true states of a step, are examined, at even spacing. None means
-    that no step has both.
+    At most `SAMPLE` steps are examined, with at most `SAMPLE` true states each, evenly spaced. The
+    result is None if no step has rows of both sides.
     """
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
@@ -265,7 +265,7 @@ NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
-"""Smallest width of the columns of files; two columns and a gap of 2 fit in a line."""
+"""Smallest width of the column of a file; two of them and a gap of 2 fit in a line."""
 
 
 def table(document: Json) -> str:
@@ -408,8 +408,8 @@ def _shown_clock(clock: Json) -> str:
         if value != neutral
     )
     return (
-        f"timestamps of the estimate fit better with {settings} (+/- {clock['uncertainty']:g}): "
-        f"{100 * clock['saving']:.0f} % of the cost of {counted(clock['steps'], 'step')} is saved"
+        f"timestamps of the estimate fit better with {settings} (+/- {clock['uncertainty']:g}), "
+        f"and {counted(clock['steps'], 'step')} cost {100 * clock['saving']:.0f} % less"
     )
 
 

@@ -1,7 +1,8 @@
 """Association of the states of two sensors, step by step, without files.
 
-At every step, the chosen pairs have the smallest sum of distances, with half a cutoff for each
-unassigned state. So a pair gains ``c - d``, and pairs at the cutoff or beyond are not chosen.
+At every step, the chosen pairs minimise the sum of their distances plus half a cutoff for each
+unassigned state. So a pair with distance d gains ``c - d``, where c is the cutoff. Pairs with
+``d >= c`` are not chosen.
 """
 
 from functools import cached_property
@@ -58,7 +59,7 @@ class Pairing:
     first, second : Trajectories
         Both sides, on the same times.
     pairs : Pairs
-        Pairs of rows at the same step, nearer than the cutoff, or all pairs if requested.
+        Pairs of rows at the same step that are nearer than the cutoff; all pairs if requested.
     mean_distances : (N,) float array
         Distances of the means of the pairs.
     chosen : (N,) bool array
@@ -114,10 +115,11 @@ class Pairing:
     def gates(self) -> Floats | None:
         """Lower triangle of G around each state of the first side, (R, d (d + 1) / 2).
 
-        Means with a difference z and z' G^-1 z >= 1 are not associated. G_ij is c^2 C_ij /
-        (s_i s_j) with scales s and covariance C, which is the unit matrix by default. If C depends
-        on the pair, it is that with the partner, or with an equal state if there is no partner. On
-        the Earth, G is valid nearby. Distances without scales, as of boxes, give None.
+        Two means with a difference z are not associated if z' G^-1 z >= 1. G_ij is c^2 C_ij /
+        (s_i s_j) with the cutoff c, the scales s and the covariance C, by default the unit matrix.
+        If C depends on the pair, it is the mean over the state and its partner. A state without
+        partner is paired with an equal state. On the Earth, G is valid nearby. The result is None
+        for distances without scales, such as those of boxes.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
@@ -140,7 +142,7 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Return each state once: pairs by step, with None as partner of an unassigned state."""
+        """Return each state once, with its partner; None is the partner of an unassigned state."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
@@ -292,13 +294,13 @@ def _mean_distances(
         scale=distance.scale,
         period=distance.period,
     )
-    if "scale" not in distance.options:  # distances of degrees and edges of boxes are not norms
+    if "scale" not in distance.options:  # distances on the Earth and of boxes are not norms
         means = distance
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
 
 
 # -------------------------------------------------------------------------------------------------
-# Reduction of all clouds of a recording, and the changes.
+# Reduction of all clouds of a recording, and measures of their change.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
 """Values of `CHANGES` of a cloud; None where a value is unknown or undefined."""
@@ -327,10 +329,10 @@ def reduce_trajectories(
     Trajectories
         Side with the reduced clouds and their means.
     dict of lists
-        Columns by cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of
-        both clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift, and
-        the history of `Reduction.trace`. Values are None where a cloud is too large for the exact
-        distance, POT is missing, or there is no spread.
+        Columns with a value for each cloud: id, t, particles, kept, wasserstein and
+        sliced_wasserstein (distances of order 2 between both clouds), trace_kept (share of the
+        trace of the covariance), mean_shift, and the history of `Reduction.trace`. A value is None
+        if a cloud is too large for the exact distance, POT is missing, or there is no spread.
     """
     resources = resources or Resources()
     if side.clouds is None:

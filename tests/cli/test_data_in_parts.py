@@ -547,7 +547,7 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     assert ("resuming with" in answer.err) == (change == "in place, unseen")
     assert "starting again" in answer.err
     if change == "in place, unseen":
-        name = f"estimate/1.{ending}: has changed since; starting again"
+        name = f"estimate/1.{ending}: has changed since the last run; starting again"
         assert name in answer.err.replace("\\", "/")
 
 

@@ -111,16 +111,16 @@ def rows(step: float, shift: float, tracks: int, steps: int = 40) -> str:
 def test_a_cutoff_is_suggested_with_its_reason(invoke: Run, write: Write) -> None:
     """By hand: every error is 0.3, three times that 0.9, which becomes 1."""
     truth = write("t.csv", rows(100, 0, 4))
-    near = "3 times the median distance, 0.3, rounded up; 100 % of the ground-truth states have"
+    near = "3 times the median distance (0.3), rounded up; 100 % of the ground-truth states have"
     done = invoke("inspect", truth, write("e.csv", rows(100, 0.3, 4)), "--unit", "m")
     lines = " ".join(done.out.split())
-    assert f"suggested cutoff c = 1 m: {near} a nearer estimate" in lines
+    assert f"suggested cutoff c = 1 m: {near} an estimate nearer than this" in lines
     assert max(map(len, done.out.splitlines())) <= 80
     crowd = write("t.csv", rows(0.8, 0, 4)), write("e.csv", rows(0.8, 0.3, 4))
     document = json.loads(invoke("inspect", *crowd, "--format", "json").out)
     suggested = document["both"]["nearest"]["suggested"]
     assert suggested["cutoff"] == 1
-    assert suggested["reason"].endswith("a nearer estimate, and 100 % another true object")
+    assert suggested["reason"].endswith("and 100 % have another true object nearer than this")
     half = write("t.csv", rows(100, 0, 4)), write("e.csv", rows(100, 0.3, 2))
     found = json.loads(invoke("inspect", *half, "--format", "json").out)["both"]["nearest"]
     assert found["suggested"] is None  # half of the truths have no estimate at all

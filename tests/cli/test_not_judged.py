@@ -157,7 +157,7 @@ def test_a_ship_between_its_reports_is_not_false() -> None:
     radar = pd.DataFrame({"id": 1, "t": range(0, 601, 10)}).assign(x=lambda rows: 5 * rows.t + 3.0)
     options = {"cutoff": 50, "switch_penalty": 10, "max_gap": 30}
     for clock_of in ({"resample": 10}, {"interpolate": "truth"}):
-        with pytest.warns(UserWarning, match='ignore="truth-gaps" leaves them out'):
+        with pytest.warns(UserWarning, match='ignore="truth-gaps" leaves these states out'):
             charged = evaluate(ship, radar, **options, **clock_of)
         assert charged.counts["false"] == 54
         found = evaluate(ship, radar, **options, **clock_of, ignore="truth-gaps")

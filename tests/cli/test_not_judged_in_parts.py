@@ -171,7 +171,7 @@ def test_what_cannot_be_compared_alike_is_refused(invoke: Invoke, tmp_path: Path
     with small(30, 25):
         answer = invoke(*folders, *METRIC, "--memory", "400MB", "--ignore", "kind=far")
     assert answer.status == 3
-    assert 'truth, column "kind": some parts have numbers alone and some have texts' in answer.err
+    assert 'truth, column "kind": some parts have only numbers and some have texts' in answer.err
     assert len(answer.err.splitlines()) == 1
 
 

@@ -138,8 +138,8 @@ def test_a_scheduler_that_is_lost(
         answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", found.address)
         assert (answer.status, answer.out) == (2, "")
         assert answer.err == (
-            f"--scheduler {found.address}: the connection was lost; what is stored "
-            "stays, and the same command goes on from there\n"
+            f"--scheduler {found.address}: the connection was lost; stored results "
+            "are kept, and the same command continues from them\n"
         )
     assert 0 < len(numbers("r")) < RUNS
     monkeypatch.setattr(engines, "CONNECT", 0.3)

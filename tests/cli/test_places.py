@@ -174,7 +174,7 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
     told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
     assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
     answer = invoke(*files, *metric, *told, "--resample", "4s", "--max-gap", "60s,10s")
-    assert "--ignore truth-gaps leaves them out" in answer.err
+    assert "--ignore truth-gaps leaves these states out" in answer.err
     told += ["--resample", "4s", "--max-gap", "60s,10s", "--time-offset", "-4.7"]
     answer = invoke(*files, *metric, *told, "--ignore", "truth-gaps", "--format", "json")
     found = json.loads(answer.out)

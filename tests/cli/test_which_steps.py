@@ -84,12 +84,12 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 22) ** 0.5)
     (warned,) = [notice for notice in dead["warnings"] if notice["code"] == "silences"]
     assert (
-        "no state within c of a true object for 12 in 1 silence: 36 states of the truth in them"
+        "no state within c of a true object in 1 outage of total length 12; 36 states of the truth"
         in warned["text"]
     )
     free = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "none"))
     assert free["missed"] == 0
-    assert "silences do not count" in json.dumps(free["warnings"])
+    assert "outages do not count" in json.dumps(free["warnings"])
     longer = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "12"))
     assert longer["missed"] == 0
     assert alive["judged"]["truth_sha256"] != dead["judged"]["truth_sha256"]
@@ -127,7 +127,7 @@ def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     with Path("dead.csv").open("a", encoding="utf-8") as file:
         file.write("far,14.5,-5000\n")
     more = value(invoke("truth.csv", "dead.csv", *clock))
-    assert "36 states of the truth in them" in json.dumps(more["warnings"])
+    assert "36 states of the truth at these times" in json.dumps(more["warnings"])
     # It is one false state, at a step at which three more objects are missed.
     assert more["total"] == pytest.approx(dead["total"] + 4 * 50)
 
@@ -135,7 +135,7 @@ def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
 def test_a_silence_is_no_fault_of_the_clock_and_an_hour_is_one(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", *GIVEN)
     answer = invoke("truth.csv", "dead.csv", *clock)
-    assert "no state within c of a true object for 12 in 1 silence" in answer.err
+    assert "no state within c of a true object in 1 outage of total length 12" in answer.err
     assert "of the steps are in both files" not in answer.err
     ahead = tracker()
     ahead["t"] += 9.25
@@ -299,8 +299,11 @@ def test_gaps_of_the_truth_are_told() -> None:
     known = known[~((known["id"] == "1") & known["t"].between(10, 20))]
     found = evaluate(known, tracker(), **METRIC, resample=1, max_gap=4)
     (told,) = [notice for notice in found.warnings if notice.code == "truth-gaps"]
-    assert "the truth has 1 gap longer than 4, 12 long, of id 1: 12 estimate states" in told.text
-    assert "cost up to 600" in told.text
+    assert (
+        "the truth has 1 gap longer than 4, of total length 12, in the tracks of id 1; 12"
+        in told.text
+    )
+    assert "costs up to 600" in told.text
     assert found.counts["false"] == 12  # one of them is made in the gap, and holds after it
 
 

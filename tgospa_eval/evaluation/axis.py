@@ -29,19 +29,19 @@ TURN = 360.0
 """Degrees of a full turn in longitude."""
 
 SILENCE = 5
-"""Length of an outage in median intervals of the estimate's timestamps, without a given length."""
+"""Default length of an outage, in median intervals of the estimate's timestamps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outages:
-    """Stretches of time in which the estimate has no state within the cutoff of a true object.
+    """Times in which the estimate has no state within the cutoff of a true object.
 
     Parameters
     ----------
     lengths : (K,) float array
-        Length of each stretch, in seconds or the unit of the timestamps.
+        Length of each outage, in seconds or the unit of the timestamps.
     ticks : (N,) array
-        Timestamps of the truth in the stretches.
+        Timestamps of the truth in the outages.
     states : int
         Number of states of the truth at these timestamps.
     counted : bool
@@ -65,12 +65,12 @@ class Axis:
     horizon : Trajectories
         Side with the timestamps of the horizon: the truth as it was read, or declared steps.
     made : pair of str and tuple of int, optional
-        Which side was interpolated, and its numbers of states that are interpolated, of states that
-        existed, and of states that are not used.
+        Name of the interpolated side, and three numbers of its states: interpolated, unchanged and
+        not used.
     left_out : pair of int
         Numbers of rows whose timestamps are not declared steps.
     outages : Outages, optional
-        Outages of the estimate, where the truth is interpolated.
+        Outages of the estimate, if the truth is interpolated.
     reports : ClockReports, optional
         Reports of the estimate on a common clock.
     """
@@ -92,7 +92,7 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Return differences (N, d), each the shorter way round in periodic components."""
+    """Return differences (N, d) that go the shorter way round in periodic components."""
     if periods is None:
         return differences
     period = np.asarray(periods, np.float64)
@@ -113,8 +113,9 @@ def on_axis(
 ) -> Axis:
     """Return both sides at the requested steps.
 
-    Where the truth is interpolated, the cutoff decides which estimate states end an outage: a false
-    alarm does not. `across` marks states of the truth in gaps (see `tracks.interpolation`).
+    If the truth is interpolated, only estimate states within the cutoff of a true object end an
+    outage, so false alarms do not. `across` marks states of the truth in gaps (see
+    `tracks.interpolation`).
 
     Raises
     ------
@@ -147,7 +148,7 @@ def on_axis(
 def with_outages(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
 ) -> Axis:
-    """Add the outages of the estimate, where its timestamps decide which truth steps count."""
+    """Add the outages of the estimate, if its timestamps decide which truth steps count."""
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
     first, second = axis.sides
@@ -169,8 +170,8 @@ def _resampled(
         if not len(tick_times):
             raise ConfigError(
                 f"{option('resample', matching.resample.text)}: no multiple of it is between the "
-                f"first and last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; use "
-                "a smaller step"
+                f"first time of {names[0]} ({truth.shown[0]}) and its last time "
+                f"({truth.shown[-1]}); use a smaller step"
             )
     ticks = _stamped(tick_times, truth, truth.clock)
     make = partial(
@@ -200,7 +201,7 @@ def _resampled(
 
 
 def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
-    """Return the side; without rows, which cannot be interpolated, at the other's timestamps."""
+    """Return the side; without rows to interpolate, it gets the timestamps of the other side."""
     if len(side.step) or not len(ticks.times):
         return side
     return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
@@ -283,10 +284,10 @@ def _find_outages(
     matching: TimeMatching,
     names: tuple[str, str],
 ) -> Outages | None:
-    """Return long intervals between the timestamps with an estimate near a true object.
+    """Return long intervals without an estimate near a true object.
 
-    Intervals are from the truth's first timestamp to its last one. They are longer than
-    `TimeMatching.outage`, or than `SILENCE` median intervals.
+    Intervals end at timestamps with such an estimate, or at the first or last timestamp of the
+    truth. They are longer than `TimeMatching.outage`, by default than `SILENCE` median intervals.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):

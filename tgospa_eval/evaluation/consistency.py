@@ -3,8 +3,8 @@
     NEES = (a - b)' (P + R)^-1 (a - b)
 
 a is the state of the truth and b the state of the estimate. P is the covariance of the estimate, or
-the second moments of its particles. R is the covariance of the truth, where it has one. The errors
-of the truth are independent of those of the filter, as for a reference measured separately.
+the second moments of its particles. R is the covariance of the truth, or 0 if it has none. The
+errors of the truth must be independent of those of the filter, as for a separate reference.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
 LARGEST = 1e100
-"""Largest NEES: above it a covariance counts as singular, so that sums of squares are finite."""
+"""Largest NEES; a covariance with a larger one counts as singular, so that sums are finite."""
 
 PAIRS_TOGETHER = 1 << 16
 """Number of pairs whose particles are processed together."""
@@ -58,7 +58,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
 
 
 def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
-    """Return the period of each component, infinite without one; None if all are without."""
+    """Return the period of each component, infinite if there is none; None if all are infinite."""
     periods = periods_of(distance, columns)
     return [periods.get(name, np.inf) for name in columns] if periods else None
 
@@ -104,10 +104,10 @@ def ranks(
 ) -> Floats:
     """Count the true states (N, d) in each tenth of the marginal weights of their cloud, (d, 10).
 
-    Counts are flat if the particles are drawn from the posterior: the true state is then one more
-    draw in addition to N of them. N is the effective number 1 / (sum of squared weights). S is the
-    weight of the particles below the true state, with half the weight of the equal ones. The rank
-    is spread evenly between N S / (N + 1) and (N S + 1) / (N + 1).
+    Counts are flat if the particles are drawn from the posterior, because the true state is then
+    one more draw in addition to N particles. N is the effective number of particles, 1 / (sum of
+    squared weights). S is the weight of particles below the true state, plus half the weight of
+    equal particles. The rank is spread evenly between N S / (N + 1) and (N S + 1) / (N + 1).
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))

@@ -45,7 +45,7 @@ SIZE = 1 << 18
 """Number of near pairs in the suffixes that are solved together."""
 
 ENTERED = 1 - 1e-9
-"""A pair this share of the switch price below "none" in value was entered from "none"."""
+"""A pair whose value is this share of the switch price below "none" was entered from "none"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,13 +85,16 @@ class Before:
 
     Parameters
     ----------
-    ending, pair : int arrays
-        Suffix, and a pair that is near in the suffix or assigned before it.
+    ending : int array
+        Number of the suffix.
+    pair : int array
+        Pair that is near in the suffix or assigned before it.
     weight : int array
         Weight of the pair in the whole solution, in units of 1/ONE.
     value, none, other : float arrays
-        Upper bounds of the best value of the row of a pair up to this step, if the row is in the
-        pair, in "none", or in any pair that is not listed.
+        Upper bounds of the best value that the row of a pair can have up to this step. At this
+        step the row is in the pair (`value`), in "none", or in a pair that is not listed
+        (`other`).
     """
 
     ending: Ints
@@ -115,8 +118,8 @@ class SuffixProblem:
     Parameters
     ----------
     problem : Problem
-        The steps of one suffix after those of the other. A suffix with known values at the step
-        before it begins with that step, where each listed pair gains its value above "none".
+        All suffixes, one after the other. If values at the step before a suffix are known, it
+        begins with this step, at which each listed pair gains its value above "none".
     origin : tuple of int arrays
         Truths, estimates and steps of the whole problem to which those of this problem belong.
     block, begin, end : (E,) int arrays
@@ -277,8 +280,8 @@ class Suffixes:
     def _worth(self, begin: Ints, before: Before) -> Floats:
         """Return the value of listed pairs relative to "none", which may be negative.
 
-        A pair that was entered from "none" is no worse when it is entered later. Its value is set
-        lower still, because ties only make work.
+        A pair that was entered from "none" can be entered later at no loss. Its value is set even
+        lower, because ties take time.
         """
         price = self.states.problem.switch_price_at[begin][before.ending]
         worth: Floats = before.value - np.maximum(before.none, before.other - price)
@@ -406,8 +409,8 @@ class SuffixSolver:
     ) -> tuple[Ints, Floats, Floats, Floats]:
         """Solve suffixes that begin after the first step of their block.
 
-        Returned are the cells of all their steps, with duplicates, and for each cell the values of
-        `SeparateStretches.solve`.
+        Returns the cells of all steps of the suffixes, with duplicates, and for each cell the
+        values of `SeparateStretches.solve`.
         """
         before, rest = self._before(block, begin, end)
         joint = self.suffixes.make_problem(block, begin, end, before)
@@ -560,7 +563,7 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 
 
 SPAN = 8
-"""Steps of the first suffixes; of 8, 12, 16, 24 and 32 the fastest on crowds of 20 and of 100."""
+"""Steps of the first suffixes: the fastest of 8, 12, 16, 24 and 32 for 20 and for 100 objects."""
 
 
 def trace(

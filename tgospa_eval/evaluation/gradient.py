@@ -23,12 +23,12 @@ from tgospa_eval.results.gradient import Gradient
 
 
 def gradient(result: PairEvaluation) -> Gradient:
-    """Return the derivatives of the total by estimate states, cutoff and switch penalty."""
+    """Return derivatives of the total with respect to estimate states, cutoff, switch penalty."""
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
             f"{option('resample')}: a report holds for several steps, so no derivative is known; "
-            "evaluate at the times of the estimate, "
+            "evaluate at the times of the estimate instead, by "
             f"{option('interpolate', 'truth')}"
         )
     proof = result.proof
@@ -64,11 +64,12 @@ def gradient(result: PairEvaluation) -> Gradient:
 def _moved(
     fitted: AlignedPair, given: Distance, pairs: Pairs, change: Floats
 ) -> tuple[Floats, Floats | None, Ints | None]:
-    """Return the derivative by each state of the estimate (R, d), of clouds by particle (P, d).
+    """Return derivatives with respect to the estimate: states, particles and first particles.
 
-    `given` is the distance before it is fitted to the data. `change` (N,) is the derivative of the
-    total by the distance of each pair. Clouds also have the index of the first particle of each
-    state (R + 1,).
+    They are arrays for R states (R, d), P particles (P, d), and the index of the first particle of
+    each state (R + 1,). The last two may be None. `given` is the distance before it is
+    fitted to the data. `change` (N,) is the derivative of the total with respect to the distance of
+    each of N pairs.
     """
     aligned, distance = fitted.alignment, fitted.distance
     sides = aligned.truth.reduced_to(distance.kinds), aligned.estimate.reduced_to(distance.kinds)

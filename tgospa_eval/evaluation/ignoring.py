@@ -52,7 +52,7 @@ class Condition:
     sign : str
         ``=``, or one of `COMPARISONS`.
     values : tuple of str
-        One value, or for ``=`` several values, of which one must be equal.
+        One value. For ``=`` there may be several values, one of which must be equal.
     """
 
     text: str
@@ -237,7 +237,7 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """Parse rules; a text has one rule or several with commas, and `max_speed` is for gaps.
+    """Parse texts, each of which has one or more rules; `max_speed` is for gaps of the truth.
 
     Raises
     ------
@@ -269,9 +269,10 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
 
 
 def _rules(text: str) -> list[str]:
-    """Split rules: ``class=Van,Person,marked`` has two, as has a list in a settings file.
+    """Split a text into rules at commas.
 
-    A part that is not a rule is another value of the rule before it.
+    A part that is not a rule is a further value of the rule before it, so
+    ``class=Van,Person,marked`` has the rules ``class=Van,Person`` and ``marked``.
     """
     rules: list[str] = []
     for part in (part.strip() for part in text.split(",")):

@@ -59,7 +59,7 @@ from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SURELY = 1.001
-"""Margin by which a test must be passed, since sums are rounded differently."""
+"""Factor by which a limit must be exceeded, because sums are rounded differently."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
@@ -305,7 +305,7 @@ class JoinedPairs:
         return states, state, slot
 
     def _unpaired(self) -> list[list[float]]:
-        """Return the cost of the objects of each pair that are in no component, by side."""
+        """Return the cost of objects in no component, by side and pair."""
         costs = []
         sides = zip(self.states.problem.sides, self.states.track_blocks, self.rows, strict=True)
         for side, blocks, rows in sides:
@@ -342,5 +342,5 @@ def _significances(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _ends(sizes: Iterable[int]) -> Ints:
-    """Return the begin of each part, and the end of the last one."""
+    """Return the begin of each part, and the end of the last part."""
     return np.concatenate(([0], np.cumsum([*sizes]))).astype(np.int32)

@@ -25,22 +25,19 @@ BASE = {
     "report": (125 * MB, 155 * MB),
     "report, drawn": (175 * MB, 215 * MB),
 }
-"""Bytes of interpreter and libraries, with CSV and with Parquet files, by stage.
+"""Bytes of interpreter and libraries by stage: with CSV files, with Parquet files.
 
-``whole`` is an evaluation in memory and ``main`` the process of data in parts. ``worker`` is each
-worker without the memory that it shares with ``main``. ``report`` is that of data in parts."""
+``whole`` is an evaluation in memory. The other stages are of data in parts: the main process, each
+worker without the memory that it shares with the main process, and the report."""
 
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
-"""Bytes of each row that is read, bytes of each near pair of a component, factor for pictures.
-
-The first estimate uses the bytes of a row, and the factor if there are pictures. Data in parts use
-the bytes of a near pair."""
+"""Bytes of a row in memory; bytes of a near pair of data in parts; factor of rows with pictures."""
 
 BYTES_COMPARED = 40, 280
-"""Bytes of each row and of each near pair until the problem is solved, with known near pairs."""
+"""Bytes of a row, bytes of a near pair: until the problem is solved, if near pairs are known."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
-"""Largest number of bytes of pictures of trajectories, and bytes for each row of small data."""
+"""Largest number of bytes of pictures of trajectories; bytes of a row of small data."""
 
 HELPERS = 30 * MB
 """Bytes of the processes that manage workers."""
@@ -49,7 +46,7 @@ TABLES = 150 * MB
 """Bytes of a worker that writes tables."""
 
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
-"""Bytes of data that a process needs at least, and from which more processes are faster."""
+"""Smallest useful share of a process in bytes; share from which more processes are faster."""
 
 MAX_ROWS = 4_000_000
 """Largest number of rows of a block, whatever the memory."""
@@ -61,9 +58,9 @@ SHARD_ENTRIES = 1_000_000
 """Entries of a shard of many components: some seconds of work in about 200 MB."""
 
 BYTES_OF_SHARD, BYTES_OF_MARKS, BYTES_KEPT = 400, 100, 60
-"""Bytes for each near pair of a shard, and further bytes with ignored states or with assignments.
+"""Bytes of a near pair of a shard; more bytes with ignored states; more bytes with assignments.
 
-The first is for shards whose last component doubles them. The last is for each near pair of a
+The first number is for a shard that its last component doubles. The last one is for near pairs of a
 component whose assignments are written."""
 
 TIP = 1 << 16
@@ -81,9 +78,9 @@ class Share:
     data : int
         Bytes of data of each process.
     single : int
-        Bytes of data of one process while it is the only one.
+        Bytes of data of a process while no other process runs.
     fixed : int
-        Bytes of the main process and of those that manage workers, without data.
+        Bytes, without data, of the main process and of the processes that manage workers.
     tables : bool
         Whether there is memory for processes that write tables.
     entry : int
@@ -187,7 +184,7 @@ def size_text(size: float) -> str:
 
 
 def format_of(path: str) -> str | None:
-    """Return the format that the suffix of a file name means."""
+    """Return the format of the suffix of a file name, or None."""
     return FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
 
 
@@ -206,7 +203,7 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return the limit up to the solution of a problem, so that its pictures fit into `limit`."""
+    """Return the limit until a problem is solved, so that its pictures fit into `limit` later."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)
@@ -217,8 +214,10 @@ def check_pairs(rows: int, pairs: int, limit: int) -> None:
 
     Parameters
     ----------
-    rows, pairs : int
-        Numbers of rows of both sides, and of near pairs.
+    rows : int
+        Number of rows of both sides.
+    pairs : int
+        Number of near pairs.
     limit : int
         Limit in bytes, including interpreter and libraries.
 

@@ -7,10 +7,10 @@
     MOTA = 1 - (FN + FP + IDSW) / (TP + FN),
     IDF1 = 2 IDTP / (2 IDTP + IDFN + IDFP),
 
-where n counts the matches of the two tracks of a match, and a is a threshold of the similarity.
-Floating point operations have the same order as in TrackEval, so that every digit is the same; a
-dense matrix only adds zeros. Only steps where a state is in several pairs need an assignment, so
-only these steps need a matrix.
+where a is a threshold of the similarity, and n is the number of matches between both tracks of a
+match. Floating-point operations have the same order as in TrackEval, so every digit is the same.
+TrackEval's dense matrices only add zeros. Only steps at which a state is in several pairs need an
+assignment, and so a matrix.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ SUMMED_FIELDS = {
     ),
     "identity": ("IDTP", "IDFN", "IDFP"),
 }
-"""Numbers by metric from which sequences are joined; for HOTA, one for each threshold."""
+"""Sums by metric, from which sequences are joined; HOTA has a number for each threshold."""
 
 SUM_AT_ONCE = 4096
 """Number of values that are added as one dense array."""
@@ -73,7 +73,7 @@ class SimilarPairs:
     lengths: tuple[Ints, Ints]
 
     def cells(self) -> Ints:
-        """Return the position of each pair of tracks in a matrix of all tracks, as one number."""
+        """Return the flat index of each pair of tracks in a matrix of all tracks."""
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
@@ -274,7 +274,7 @@ def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Ma
 
 
 def _by_step(step: Ints, values: Floats) -> np.float64:
-    """Return the sum over steps of the sum of each step, added in order."""
+    """Sum the values of each step, and add these sums in order of the steps."""
     total: np.float64 = np.bincount(step, values, 1).cumsum()[-1]
     return total
 

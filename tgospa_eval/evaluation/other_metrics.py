@@ -4,9 +4,9 @@ The first three equal those of TrackEval in every digit. The similarity of state
 
     s = max(0, 1 - d / z),   z = 1 for boxes, where s is the IoU, and z = 2 c for all other states,
 
-as in TrackEval for points. A pair matches for CLEAR and Identity where s >= 1/2: an IoU of 1/2,
-or d <= c. HOTA is the mean over the thresholds 0.05, 0.10, ..., 0.95 of s. These metrics are not
-costs, and they have no proof.
+as in TrackEval for points. Here d is the distance and c the cutoff. For CLEAR and Identity, a pair
+matches if s >= 1/2, which means an IoU of at least 1/2, or d <= c. HOTA is the mean over the
+thresholds 0.05, 0.10, ..., 0.95 of s. These metrics are not costs, and they have no proof.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -45,10 +45,10 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""Numbers that are kept of each metric, by the names of TrackEval; arrays by their mean."""
+"""Numbers that are reported of each metric, by the names of TrackEval; arrays by their mean."""
 
 IOU = "iou"
-"""Name of the distance whose similarity is that of TrackEval, to the bit."""
+"""Name of the distance whose similarity equals that of TrackEval to the last bit."""
 
 AT = "at"
 """Text between the name of a metric and a field with a number for each threshold."""
@@ -76,7 +76,7 @@ class ComputedMetrics:
     zero: float
 
     def sums(self) -> dict[str, float | list[float]]:
-        """Return the sums from which several are joined, as plain values for `of_sums`."""
+        """Return the sums that `of_sums` needs to join several evaluations, as plain values."""
         sums: dict[str, float | list[float]] = {}
         for name, numbers in self.by_name.items():
             for key in SUMMED_FIELDS[name]:
@@ -89,7 +89,7 @@ class ComputedMetrics:
 
 
 def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
-    """Return other metrics except GOSPA, in the form in which they can be joined.
+    """Return other metrics (not GOSPA) from their sums, so that they can be joined.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def other_metrics(
 ) -> ComputedMetrics:
     """Return metrics of two sides as they are compared.
 
-    Metrics of similarities leave out states that are not evaluated (`problem.solution`).
+    HOTA, CLEAR and Identity leave out states that are not evaluated (`problem.solution`).
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def other_metrics(
     resources : Resources
         Settings of the search for pairs, and the stopwatch.
     proof : PairProof, optional
-        Assignment that shows which estimates follow ignored objects.
+        Proof whose assignment shows which estimates follow ignored objects.
     """
     cutoff = prepared.parameters.cutoff
     largest = prepared.distance.largest
@@ -158,10 +158,10 @@ def other_metrics(
 
 
 def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
-    """Return the record of one evaluation, or of several as one.
+    """Return the record of one evaluation, or of several evaluations together.
 
-    Several are joined as TrackEval joins sequences: matches are counted over all of them, and
-    ratios are computed from these sums. Costs of GOSPA are means, like all costs of several runs.
+    Several evaluations are joined as TrackEval joins sequences: matches are counted over all of
+    them, and ratios are computed from these sums. Costs of GOSPA are means over the evaluations.
     """
     first = several[0]
     record: dict[str, dict[str, float]] = {}

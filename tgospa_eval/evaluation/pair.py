@@ -60,7 +60,7 @@ class PairEvaluation(Evaluation):
     proof : PairProof
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
-        Times and ids, the gap that counts as exact, options, and the origin of the result.
+        Fields of `Evaluation`.
     source : pair of AlignedPair and EvaluationRequest, optional
         Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
@@ -150,9 +150,9 @@ class PairEvaluation(Evaluation):
     def step_numbers(self) -> Arrays:
         """Return counts of states, and other metrics that add up, of each step, (T,) each.
 
-        ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary.
-        ``nees.total`` is the sum over ``nees.pairs`` pairs, where there are covariances. ``gospa``
-        and its parts are in state units to the power p, if requested.
+        ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary. If
+        there are covariances, ``nees.total`` is the sum of NEES over ``nees.pairs`` pairs. If
+        requested, ``gospa`` and its parts are in state units to the power p.
         """
         size, tracked = len(self.labels.times), Tracked.of(self.proof)
         step, weight = tracked.truth.step, tracked.weight
@@ -361,7 +361,7 @@ def add_up(
 
 
 def _sum_of_brackets(parts: list[B | None]) -> B | None:
-    """Add up the brackets of all classes, on the same stretches of steps."""
+    """Add up the brackets of all classes, which have the same steps or windows."""
     known = [part for part in parts if part is not None]
     if not known:
         return None

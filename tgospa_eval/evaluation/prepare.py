@@ -88,10 +88,10 @@ class MeasuredSides(ComparedSides):
     distance : Distance
         Base distance, prepared.
     recorded : callable
-        Function that returns rows and digest of either side, and the data on which a value is
-        evaluated. Trials of repairs need neither.
+        Function that returns two records: rows and digest of each side, and the data on which a
+        value is evaluated. Trials of repairs do not call it.
     step_weights : pair of float arrays, optional
-        Weights of each step.
+        Weights of the costs and of the switches of each step.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
     """
@@ -187,7 +187,7 @@ class NearPairs:
     reach : (R_truth,) float array, optional
         Distance beyond the cutoff up to which an estimate may follow each ignored true state.
     given : bool
-        Whether distances are those of reports at their own timestamps, not of these rows.
+        Whether distances are those of reports at their own timestamps instead of these rows.
     """
 
     sides: Sides
@@ -208,8 +208,8 @@ class NearPairs:
     ) -> "NearPairs":
         """Return both sides as they are compared, and all pairs that matter at this cutoff.
 
-        With ignored states, pairs beyond the cutoff matter too: those within its margin, or within
-        the reach of a true state in a gap.
+        If states are ignored, pairs beyond the cutoff matter too, if they are within its margin or
+        within the reach of a true state in a gap.
         """
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
@@ -282,10 +282,11 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Return pairs whose gain jumps at some distance, and this distance: cutoff plus reach.
+        """Return pairs whose gain is discontinuous at a distance, and this distance.
 
-        They are pairs of an ignored true state and an estimate that is not excused. The gain of all
-        other pairs falls to 0 up to the cutoff, so rounding does not matter there.
+        The distance is the cutoff plus the reach of the true state. These are pairs of an ignored
+        true state and an estimate that is not excused. The gain of
+        other pairs falls continuously to 0 at the cutoff, so rounding does not matter there.
         """
         assert self.unjudged is not None
         ignored, excused = self.unjudged
@@ -395,9 +396,9 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """Return the distance beyond the cutoff within which each true state may be followed.
+    """Return the distance beyond the cutoff up to which each true state may be followed.
 
-    None if no state may be followed beyond the cutoff.
+    The result is None if no state may be followed beyond the cutoff.
     """
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
     if not speed or AWAY not in truth.attributes:  # nothing was interpolated
@@ -485,7 +486,7 @@ def fit(
 ) -> AlignedPair:
     """Return both sides on the same steps, and the distance fitted to the data.
 
-    `placed` brings the sides to steps that are already known; the default is the requested steps.
+    `placed` brings the sides to steps that are already known; by default to the requested steps.
 
     Raises
     ------
@@ -521,7 +522,7 @@ def fit(
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
-            f"{option('grid', time_matching.grid)}: none of {aligned.union:,} is left; if the "
+            f"{option('grid', time_matching.grid)}: no step is left of {aligned.union:,}; if the "
             f"clocks differ, see {option('time_tolerance')}"
         )
     if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":

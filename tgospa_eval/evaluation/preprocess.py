@@ -1,18 +1,19 @@
 """Rows that benchmarks leave out before they evaluate, or mark.
 
 MOTChallenge of 2016 and 2017, and KITTI in the image, match boxes of the estimate and the truth one
-to one at each step: the sum of their IoU is largest, and only pairs with an IoU of 1/2 or more
+to one at each step. The matching has the largest sum of IoU; only pairs with an IoU of 1/2 or more
 count. Estimates matched with a true object that is not evaluated are left out. KITTI also leaves
-out other estimates that are small or in a region `DontCare`, where one region has more than half of
-the estimate's area. Rules and order of steps are those of TrackEval; the order of rows in the file
-decides between equal sums, as in TrackEval.
+out other estimates that are small, or have more than half of their area in one `DontCare` region.
+Rules and their order are those of TrackEval. As in TrackEval, the order of rows in the file decides
+between equal sums.
 
 VisDrone leaves out, on both sides, each box with half of its area or more in the ignored regions of
-its step, where all regions of the step count together. This is dropObjects of its toolkit without
-the edge of the image, which is in no file. UA-DETRAC uses the same rule.
+its step, taken together. This is dropObjects of its toolkit without the edge of the image, which is
+in no file. UA-DETRAC uses the same rule.
 
-``:ignore`` marks rows instead of leaving them out by a matching that no metric uses: true objects
-that are not evaluated are ignored, and estimates that are small or in a region are excused.
+``:ignore`` marks rows instead of leaving them out, because no metric uses this matching: true
+objects that are not evaluated are ignored, and estimates that are small or in a region are
+excused.
 """
 
 from collections.abc import Callable, Iterator
@@ -48,7 +49,7 @@ NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting")}
 
 HIDDEN = ("truncated", "occluded")
 MAX_OCCLUDED, MIN_HEIGHT = 2, 25
-"""Occlusion above which a true object is not evaluated, and height that estimates must exceed.
+"""Largest occlusion of an evaluated true object; height in pixels that estimates must exceed.
 
 A truncated true object is not evaluated either."""
 
@@ -136,7 +137,7 @@ def preprocessed(
 
 
 def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:
-    """Warn if numbers include more rows than in the tables of a benchmark.
+    """Warn if the numbers include rows that the tables of a benchmark leave out.
 
     Parameters
     ----------
@@ -170,8 +171,8 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
         way += f" {option('class_', 'car')}, or pedestrian," * (rule == "kitti")
         yield Notice(
             code="benchmark-rules",
-            text=f"{text}: HOTA, MOTA and IDF1 differ from the tables",
-            remedy=f"{way} leaves out the same",
+            text=f"{text}; so HOTA, MOTA and IDF1 differ from the tables",
+            remedy=f"{way} leaves out the same rows as the benchmark",
         )
 
 
@@ -261,7 +262,7 @@ def _in_regions(
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
-    """Return a mask of rows of these classes, in any case."""
+    """Return a mask of rows of these classes, in upper or lower case."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
     known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]

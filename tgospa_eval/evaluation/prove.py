@@ -1,6 +1,6 @@
 """Steps from a prepared problem to its solution, its proof, and the result of the evaluation.
 
-`pair_parts` divides the localisation cost: means and spreads, distances, existence.
+`pair_parts` divides the localisation cost into parts, such as errors of means and of spreads.
 """
 
 import math
@@ -209,27 +209,28 @@ def nested_timings(stopwatch: Stopwatch) -> Json:
 
 
 LARGE = 1e7
-"""Coordinates below which all of nine decimals are kept."""
+"""Smaller coordinates keep all of nine decimals."""
 
 ROUNDED_DIGIT = 2e-10
 """Smallest relative error of a total, from rounded decimals, that causes a warning."""
 
 
 def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
-    """Warn if the value is no larger than the rounding of the states."""
+    """Warn if the value is so small that rounding of the distances alone could cause it."""
     if not bounds.within_rounding(gap):
         return ()
     return (
         Notice(
             code="within-rounding",
-            text="the value is no larger than the rounding of distances: only its bounds are known",
-            remedy="coordinates with a nearby origin keep more digits",
+            text="the value is so small that rounding of distances alone could cause it; only its "
+            "bounds are known",
+            remedy="use coordinates with a nearby origin, which keep more digits",
         ),
     )
 
 
 def at_cutoff(pairs: int) -> tuple[Notice, ...]:
-    """Warn of the number of pairs with an ignored object whose distance is the cutoff, if any."""
+    """Warn of pairs whose distance is the cutoff and whose object is ignored, if there are any."""
     if not pairs:
         return ()
     of = "an ignored truth and an estimate"
@@ -237,10 +238,10 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
         Notice(
             code="at-cutoff",
             text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff "
-            "within rounding: nearer pairs cost nothing, others are false, so the last "
-            "digits of the states decide",
-            remedy=f"a slightly larger {option('cutoff')} makes them cost nothing, a smaller one "
-            "makes their estimates false",
+            "within rounding, so the last digits of the states decide: a nearer estimate costs "
+            "nothing, any other estimate is false",
+            remedy=f"with a slightly larger {option('cutoff')} these estimates cost nothing; with "
+            "a slightly smaller one they are false",
         ),
     )
 
@@ -248,9 +249,9 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
 def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notice, ...]:
     """Warn if rounded decimals of large coordinates leave less than ten digits of the total.
 
-    Let u be the spacing of doubles. A decimal has an error of u / sqrt(12), and a difference of two
-    an error larger by sqrt(2). The cost d^p of an assigned pair multiplies it by p d^(p - 1). These
-    errors are independent, so their squares add up.
+    Let u be the spacing of doubles. A decimal has an error of u / sqrt(12). A difference of two
+    decimals has sqrt(2) times this error, and the cost d^p of an assigned pair multiplies the error
+    by p d^(p - 1). Errors of pairs are independent, so their squares add up.
     """
     largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
     sides = prepared.truth, prepared.estimate
@@ -270,7 +271,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
             text=f"floating-point numbers near the largest coordinate, {largest:.3g}, are "
             f"{spacing:.2g} apart: digit {math.ceil(-math.log10(error / total))} of the "
             "total may come from rounding",
-            remedy="coordinates with a nearby origin keep more digits",
+            remedy="use coordinates with a nearby origin, which keep more digits",
         ),
     )
 
@@ -280,7 +281,7 @@ BLOCK = 1 << 16
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Return parts of the cost of each assigned pair (N,), which add up to it, if it has any."""
+    """Return parts of the cost of each assigned pair (N,), by name; empty if there are no parts."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale
@@ -310,9 +311,9 @@ def parts_of_distances(
     entries: Ints,
     rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Return the cost of whole pairs by means and spreads, if it is a square with such parts.
+    """Return the costs of means and of spreads of pairs; empty if p is not 2 or there are no parts.
 
-    `rows` are the rows of the entries on either side.
+    Costs are those of weight 1. `rows` are the rows of the entries on either side.
     """
     if parameters.order != 2 or type(distance).parts is Distance.parts:
         return {}

@@ -1,4 +1,4 @@
-"""Tests whether states are in regions: points, and boxes by the share of their area.
+"""Tests whether states are in regions. For boxes, the share of their area in a region decides.
 
 Regions come from a CSV file, a table or a GeoJSON document.
 """
@@ -40,7 +40,7 @@ RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | M
 GIVEN = "ignore_regions"
 
 HALF = 0.5 - 1e-12
-"""Share of the area from which a box counts as inside, with room for rounding."""
+"""Smallest share of the area of a box that counts as inside: a half, with room for rounding."""
 
 ROUNDED = 2.0**-40
 """Relative margin of distances in the search for boxes near each other."""
@@ -77,8 +77,8 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
         if shape.kind in (POLYGON, GEOJSON) and not _shapely().is_valid(_polygon(shape)):
             place = _shapely().is_valid_reason(_polygon(shape)).partition("[")[2].rstrip("]")
             raise InputError(
-                f"{shape.where}: a polygon whose edges cross or overlap, at {place or 'a hole'}; "
-                "write its corners in order around it, or two polygons"
+                f"{shape.where}: edges of the polygon cross or overlap at {place or 'a hole'}; "
+                "write its corners in order around it, or write two polygons"
             )
     return regions
 
@@ -123,8 +123,8 @@ def inside(
 ) -> Mask:
     """Return a mask of the rows that are in the regions of their step.
 
-    Points count in a region or on its edge. Boxes count if at least half of their area is in all
-    regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 inside
+    Points count in a region or on its edge. Boxes count if the regions of the step together cover
+    at least half of their area. The share of a box with edges a_1 <= b_1, a_2 <= b_2 inside
     another is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
     a_k)``. It is 0 for a box without area.
 
@@ -139,8 +139,8 @@ def inside(
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        Share that must be exceeded in a single region, instead of at least a half in all regions
-        of the step together.
+        Share of a box that a single region must exceed. By default all regions of the step
+        together must cover at least a half.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def _bounds(shape: Shape) -> Floats:
 def _placed(
     regions: Regions, side: Trajectories, tolerance: float, name: str
 ) -> dict[int | None, Ints]:
-    """Return the numbers of the regions at each step of the side; None has those of all steps."""
+    """Return the numbers of regions by step of the side; the key None has those of all steps."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
     at, there = match_times(own, side, tolerance, (regions.name, name))
@@ -301,7 +301,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
 
 
 def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
-    """Return a mask of points (N, 2), x, y or latitude and longitude, in a region or on its edge.
+    """Return a mask of points (N, 2) in a region or on its edge; columns are x, y or lat, lon.
 
     Edges of polygons on the Earth are straight lines in longitude and latitude (RFC 7946).
     """
@@ -513,7 +513,7 @@ def _regions(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Return regions with their shapes, and with timestamps where they have any."""
+    """Return regions with their shapes, and with their timestamps if they have any."""
     timed = [k for k, moment in enumerate(timestamps) if moment.strip()]
     try:
         times = parse_times([timestamps[k] for k in timed], lambda texts: floats(texts, decimal))

@@ -80,7 +80,7 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Check that timestamps have a known unit of time, if windows are stretches of time.
+        """Check that timestamps have a known unit, if the length of windows is a time.
 
         Raises
         ------
@@ -99,8 +99,7 @@ class Sliding:
         """Return the first and last step of each window at these times, (K,), (K,).
 
         If the last regular window ends before the last step, one more window ends at the last step.
-        So all windows have one length and include all steps. Stretches of time without a step are
-        left out.
+        So all windows have one length and include all steps. Windows without a step are left out.
 
         Raises
         ------
@@ -142,7 +141,7 @@ def _length(given: object, name: str) -> int | Duration:
 
 
 def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[Ints, Ints]:
-    """Return windows from t to before t + size; the last window ends at the last step."""
+    """Return windows from a time t until before t + size; the last window ends at the last step."""
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
@@ -183,13 +182,13 @@ class EvaluationRequest:
     unit : str, optional
         Unit of the states, for display.
     curve : bool
-        Whether to evaluate also the steps up to each step.
+        Whether to evaluate also the steps 1 to k for each k.
     sliding : Sliding, optional
         Sliding windows to evaluate as well.
     with_ : sequence of str
         Other metrics, from `OTHER_METRICS` without NEES.
     nees : bool
-        Whether NEES is requested. Without a request it is computed only if the distance compares
+        Whether NEES is requested. Otherwise it is computed only if the distance compares
         covariances or particles.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
@@ -204,8 +203,8 @@ class EvaluationRequest:
     ignoring : Ignoring, optional
         Rules for states that are not evaluated.
     conversion : Conversion
-        Conversion of the estimate's own timestamps and states to those that are compared, except
-        for frames of coordinates.
+        Conversion of timestamps and states of the estimate from those in its file to those that
+        are compared, except for frames of coordinates.
     memory : int, optional
         Largest number of bytes of the whole process until the problem is solved.
 
@@ -278,7 +277,7 @@ def chosen_parameters(
 
 
 NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
-"""Metrics by the names of numbers in them that may be requested."""
+"""Metric of each number that may be requested by its own name."""
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:

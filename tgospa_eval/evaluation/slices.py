@@ -1,12 +1,12 @@
 """Costs and counts of the reported assignment, split into slices by attributes.
 
-Each cost belongs to a row. Localisation and misses belong to the row of the truth at the step, and
-a false target to its own row. A switch belongs to the row of its true object at the step where it
-is counted. Each share of a row is in one slice, and sums are pairwise, so slices add up to the
+Each cost belongs to a row. Localisation and misses belong to the row of the truth at the step. A
+false target belongs to its own row. A switch belongs to the row of its true object at the step
+where it is counted. The shares of a row sum to 1, and sums are pairwise, so slices add up to the
 total except for a few roundings.
 
-Values of attributes are columns, or follow from the states. The value of a state decides its slice,
-or its shares in several slices.
+Values of an attribute are those of a column, or follow from the states. The value of a state
+decides its slice, or its shares in several slices.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,10 +50,10 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 MAX_DISTINCT = 20
-"""Largest number of different numbers with a slice each, without given edges."""
+"""Largest number of distinct numbers that get a slice each, if no edges are given."""
 
 MAX_SLICES, MAX_CROSSINGS = 200, 5_000
-"""Largest numbers of slices by one attribute, and by two attributes."""
+"""Largest number of slices by one attribute; largest number by two attributes."""
 
 NOT_KNOWN = -1.0
 """Number for an unknown share in MOTChallenge and KITTI files."""
@@ -143,8 +143,8 @@ def members(
     if summed:
         shown = ":".join(f"{edge:g}" for edge in edges)
         raise ConfigError(
-            f"{option('slices', attribute.name)}: {len(distinct):,} different values from "
-            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges: "
+            f"{option('slices', attribute.name)}: there are {len(distinct):,} values from "
+            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges, such as "
             f"{attribute.name}=:{shown}:"
         )
     return _ranged((-np.inf, *edges, np.inf), numbers, rows)
@@ -156,13 +156,13 @@ def _numbers(
     texts: Sequence[Values],
     wanted: str,
 ) -> list[Floats | None]:
-    """Return the values as numbers; a column with blanks only has missing numbers."""
+    """Return the values as numbers; if a column has only blanks, its numbers are missing."""
     if texts:
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
         raise ConfigError(
             f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), which have no "
-            f"{wanted}; by value: {option('slices', attribute.name)}"
+            f"{wanted}; {option('slices', attribute.name)} makes a slice for each text"
         )
     return [
         None
@@ -204,7 +204,10 @@ def _weighted(
 def _ranged(
     edges: Sequence[float], values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Return a slice from each edge to before the next, the last edge included, and one outside."""
+    """Return a slice from each edge until the next one, and a slice for values outside.
+
+    A slice includes its lower edge; the last slice also includes the last edge.
+    """
     inner = [edge for edge in edges if np.isfinite(edge)]
     low, high = edges[0] == -np.inf, edges[-1] == np.inf
     names = [f"{UNDER}{_shown(inner[0])}"]
@@ -231,7 +234,7 @@ def _by_text(
     *,
     summed: bool,
 ) -> Members:
-    """Return a slice for each text, or for each named text and one for all other texts."""
+    """Return a slice for each text; if texts are named, one slice has all other texts."""
     sides = [None if side is None else _as_texts(side).tolist() for side in values]
     there = {text for side in sides for text in side or ()} - {""}
     names = list(attribute.values) or sorted(there, key=natural)
@@ -272,7 +275,7 @@ def _numbered(
     rows: tuple[int, int],
     kept: Mask | None = None,
 ) -> Members:
-    """Return slices, with one for rows without a value (-1), or for sides without values (None)."""
+    """Return slices, also of rows without a value (-1) and of a side without values (None)."""
     size = len(names)
     truth, estimate = (
         np.full(count, size + 1) if side is None else np.where(side < 0, size, side)
@@ -377,10 +380,10 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
     if name == "size":
         return (
             f"{option('slices', 'size')}: neither side has boxes or columns width and height "
-            f"(found: {listed(there)})"
+            f"(there are {listed(there)})"
         )
     return (
-        f"{option('slices')} {quoted(name)}: neither side has such a column (found: "
+        f"{option('slices')} {quoted(name)}: neither side has such a column (there are "
         f"{listed(there)}); other attributes are {', '.join(DERIVED)}"
     )
 
@@ -447,9 +450,9 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
 def _speeds(side: Trajectories) -> Floats:
     """Return speeds from the velocity in the states, or else from neighbouring rows in time.
 
-    The difference is between the rows before and after. At an end of the track, the row itself
-    replaces the missing one. Speeds are per second where times are ISO times. A track of one
-    row is without speed.
+    The speed at a row follows from the rows before and after it. At an end of the track, the row
+    itself replaces the missing row. Speeds are per second if times are ISO times. A track with one
+    row has no speed.
     """
     velocity = [side.columns.index(name) for name in ("vx", "vy", "vz") if name in side.columns]
     if velocity:
@@ -483,7 +486,7 @@ def _sizes(side: Trajectories) -> Floats | None:
 
 
 def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
-    """Return a size from its numeric column, or as difference of the columns of its ends."""
+    """Return a size from its numeric column, or as the difference of columns with its ends."""
     columns = [side.attributes.get(column) for column in (name, *ends)]
     numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in columns]
     if numbers[0] is not None or not ends:
@@ -500,7 +503,7 @@ def _ages(side: Trajectories) -> Floats:
 
 
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
-    """Return whether all columns are in the ranges of a region, ends included; blank if unknown."""
+    """Return whether each row is in all ranges of a region, ends included; blank if unknown."""
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
         values = _column(side, name)
@@ -518,9 +521,9 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
-"""Costs of each row of truth and estimate, in units of c^p, and counts.
+"""Costs in units of c^p and counts, by row of the truth and by row of the estimate.
 
-Rows of the truth have localisation, misses and switches; rows of the estimate, false targets."""
+Rows of the truth have localisation, misses and switches; rows of the estimate have false ones."""
 
 
 def slice_members(
@@ -537,7 +540,7 @@ def slice_members(
 
 
 def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
-    """Return the costs of a result of the sides to which these slices belong."""
+    """Return the costs of a result by slice; `members` are the slices of its sides."""
     costs = row_costs(result.proof)
     unique = is_unique(result.proof, result.gap, everywhere=True)
     return tuple(
@@ -588,7 +591,7 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
 
 
 def row_costs(proof: PairProof) -> RowCosts:
-    """Return the cost of an assignment by row, and errors of assigned states as in the summary."""
+    """Return costs of an assignment by row, with errors of assigned states as in the summary."""
     states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
     truths, estimates = problem.sides
@@ -636,7 +639,7 @@ def _evaluated_rows(truths: Objects) -> Floats:
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """Return the row of a true object at a step, or else its next row, or else its last row."""
+    """Return the row of a true object at a step; if it has none, its next row or its last row."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]
@@ -669,6 +672,6 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
 
 
 def _sum_of_parts(value: Floats, first: Ints) -> Floats:
-    """Return sums of contiguous parts, each pairwise: n terms have an error of log2 n roundings."""
+    """Return pairwise sums of contiguous parts; a sum of n terms has log2(n) rounding errors."""
     bounds = first.tolist()
     return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

@@ -12,7 +12,7 @@ from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.slices import CROSSED
 
 AS_WEIGHT = "weight"
-"""Word instead of edges for an attribute that is a share."""
+"""Word for an attribute whose values are shares, used instead of edges."""
 
 OF_REGION = "region"
 
@@ -36,9 +36,9 @@ class Attribute:
     origin : tuple of float
         Point from which ``range`` is measured.
     edges : tuple of float
-        Increasing ends of ranges; infinite ends leave nothing outside.
+        Increasing ends of ranges; if both outer ends are infinite, no value is outside.
     values : tuple of str
-        Texts with a slice each.
+        Texts, each with its own slice.
     weight : bool
         Whether values are shares from 0 to 1.
     ranges : mapping of str to pair of float
@@ -118,8 +118,8 @@ def _attribute(part: str, text: str) -> Attribute:
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(
-            f"{option('slices')} {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, as "
-            "range=0:50:100; two of them with * between"
+            f"{option('slices')} {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, such "
+            "as range=0:50:100, or two of these joined by *"
         )
     if name == OF_REGION:
         return _region(rest, text)

@@ -29,10 +29,10 @@ Sums: TypeAlias = Mapping[str, Any]
 """Numbers and arrays that add up, by name."""
 
 HALF = 0.5 - 1e-9
-"""Weight from which an object is followed."""
+"""Smallest weight with which an object counts as followed, with room for rounding."""
 
 ALIKE = 1e-6
-"""Relative difference up to which two spans of time count as equal."""
+"""Largest relative difference of two spans of time that count as equal."""
 
 VELOCITY = ("vx", "vy", "vz")
 
@@ -174,7 +174,7 @@ class Tracked:
 
 
 class Axes:
-    """Axes of states, those of the position first; on the Earth east and north in metres."""
+    """Axes of states, the axes of the position first; on the Earth east and north in metres."""
 
     def __init__(self, compared: ComparedSides) -> None:
         columns = compared.columns
@@ -362,10 +362,12 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stretches:
-    """Followed stretches of the true objects: interruptions, longest stretch, delay, and breaks.
+    """Followed stretches of true objects: numbers by object, and sums over all objects.
 
-    `breaks` counts those of all objects. `time` is the sum over all followed states of the time to
-    the next state of the same object.
+    By object: `fragments` counts interruptions, `longest` is in steps, and `delay` is the time
+    until the object is first followed. Over all objects: `breaks` counts ends of a stretch and
+    changes of its estimate, and `time` sums the time from each followed state to the next state of
+    the same object.
     """
 
     fragments: Ints
@@ -376,7 +378,7 @@ class _Stretches:
 
 
 def _stretches(tracked: Tracked) -> _Stretches:
-    """Return followed stretches; each object has the estimate with the largest weight."""
+    """Return followed stretches; the estimate with the largest weight counts for an object."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
     time = tracked.timestamps[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
@@ -473,8 +475,8 @@ def _smoothness(sums: Sums) -> Json | None:
 def _siap(tracked: Tracked) -> Json:
     """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
-    An association is a stretch of states of a true object with one estimate assigned to it. The
-    longest segment is the total time of one estimate, as Stone Soup counts it.
+    An association is a run of states of a true object to which one estimate is assigned. The
+    longest segment of an object is the total time of one estimate, as Stone Soup counts it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]
@@ -513,7 +515,7 @@ def _siap(tracked: Tracked) -> Json:
 
 
 def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
-    """Count the associations, from row to row, needed to follow each true object."""
+    """Count the associations, given by first and last row, needed to follow each true object."""
     order = np.lexsort((end, begin))
     begin, end = begin[order], end[order]
     furthest = np.maximum.accumulate(end) if len(end) else end

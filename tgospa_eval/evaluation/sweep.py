@@ -29,10 +29,10 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 CONCAVE = ("cutoff", "switch_penalty")
-"""Parameters along which interpolated prices of two neighbours are a useful start."""
+"""Parameters for which prices interpolated between two neighbours are a useful start."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""Half sweeps over all states, and iterations, up to which reading the neighbours saves no time."""
+"""Half sweeps over all states; iterations. After less work, a solution is not kept as a start."""
 
 
 def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:
@@ -66,8 +66,8 @@ def _check_steps(
     )
     if not np.array_equal(first, last):
         raise ConfigError(
-            "which steps count depends on the cutoff, as objects are missed while the estimate is "
-            f"silent: use a common clock, {option('resample')}"
+            "the steps that count depend on the cutoff, because objects are missed in outages of "
+            f"the estimate; use a common clock ({option('resample')})"
         )
 
 
@@ -215,7 +215,7 @@ def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
 
 
 def _shares(low: Parameters, here: Parameters, high: Parameters, name: str) -> tuple[float, float]:
-    """Return the shares of two neighbours' prices for a point, each in units of its own c^p.
+    """Return the shares of two neighbours' prices in the price of a point, each in its own c^p.
 
     Prices in state units are interpolated linearly in c^p, or in gamma^p.
     """

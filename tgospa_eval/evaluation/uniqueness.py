@@ -1,13 +1,13 @@
 """Proof by the prices of a result that its assignment of near pairs is the only best one.
 
-At best prices v, every best assignment is a mixture of paths that are best for their rows, and
-fills every slot with v > 0 (complementary slackness). Rows that compete for an estimate are
-indifferent at the best prices, so this alone does not decide the path of each row. But a certain
-state of one row decides others. A slot that it fills is closed to them. A priced slot with a single
-remaining state is filled by this state (docs/how-to/gradient.md).
+At best prices v, every best assignment is a mixture of paths that are best for their rows. It also
+fills every slot (an estimate at a step) with v > 0, by complementary slackness. Rows that compete
+for an estimate are indifferent at these prices, so prices alone do not decide the path of each row.
+But a certain state of one row decides states of other rows: the slot that it fills is closed to
+them. If one state remains for a slot with v > 0, it fills the slot (docs/how-to/gradient.md).
 
-Assignments at steps without gain, as between two tracks while neither exists, are often free. They
-change no part of the cost, and are tested only at the steps of switches.
+Assignments at steps without gain, as between two tracks while neither exists, are often not unique.
+They change no part of the cost, and are tested only at the steps of switches.
 """
 
 import itertools
@@ -21,15 +21,15 @@ from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
-"""Margin in units of c^p: a path worse by less than it may be as good, because of rounding."""
+"""Loss in units of c^p below which a path may be a best one, because of rounding."""
 
 SHARE = 100.0
-"""Multiple of the gap, for the largest loss of a path in any best assignment.
+"""Largest loss of a path in any best assignment, as a multiple of the gap.
 
 Paths with larger losses have weight 0, because weights of vertices are multiples of 1/2 to 1/18."""
 
 ROUNDS = 50
-"""Largest number of rounds of conclusions; each takes as long as two searches for best paths."""
+"""Largest number of rounds of conclusions; a round takes as long as two searches for best paths."""
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
@@ -66,7 +66,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
 
 
 class _Rows:
-    """Candidates for the best paths of the rows, which each conclusion reduces.
+    """Candidates for the best paths of the rows; each conclusion removes some of them.
 
     Parameters
     ----------
@@ -132,9 +132,10 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """Return the states on paths that are best within reach, and those that begin without "none".
+    """Return masks of states: of those on a best path, and of those that begin without "none".
 
-    At the begin of the second kind of state no such path is in "none".
+    A path is a best one if its loss is at most `reach`. When a state of the second mask begins, no
+    best path is in "none".
     """
     if not kernels:
         loss, without = path_losses(states, value)
@@ -150,9 +151,9 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """Return the loss of the best path of each row under a restriction, against its best path.
+    """Return the loss of the best path of each row with a restriction, compared to its best path.
 
-    Uses Viterbi forward and backward in time, like `problem.paths.best_values`.
+    The search uses Viterbi forward and backward in time, like `problem.paths.best_values`.
 
     Parameters
     ----------

@@ -46,14 +46,14 @@ from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
-"""Size of files in bytes below which workers start late, and seconds of work before they start.
-Starting a worker takes a second. With more data, this process would need a worker's memory too."""
+"""If files are smaller, in bytes, workers start late; seconds of work before they start.
+A start takes a second. With larger files, this process would need the memory of a worker too."""
 
 ROWS_SUMMED = 1 << 18
 """Assigned pairs that are added up at once."""
 
 ROUNDED = 1e-9
-"""Tracked share that counts as zero, because weights are rounded."""
+"""Largest tracked share that counts as zero, because weights are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,13 +147,13 @@ def evaluate_partitioned(
     engine : Engine, optional
         Engine of the worker processes; by default this process does the work.
     kept : bool
-        Whether the folder outlives the run. If not, the table of assigned pairs, which is as long
-        as the data, is not written.
+        Whether the folder is kept after the run. If not, the table of assigned pairs is not
+        written, because it is as long as the data.
     stopwatch : Stopwatch
         Stopwatch for the time of each stage.
     check : callable, optional
-        Function that receives facts about both sides and the paths, after all rows were read. It
-        raises the errors that it finds, before anything is solved.
+        Function that receives facts about both sides, and the paths, after all rows were read. It
+        raises errors before anything is solved.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def evaluate_partitioned(
         with stopwatch.span("read"):
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
-                stopwatch.notify(f"{changed}: has changed since; starting again")
+                stopwatch.notify(f"{changed}: has changed since the last run; starting again")
             reading, texts = _with_heights(reading, paths, request_of)
             for text in texts:
                 stopwatch.notify(text)
@@ -289,7 +289,7 @@ def _result(
     """Write the tables, and return the result."""
     request, sides, proof = plan.request, plan.sides, evaluated.proof
     for side, numbered in zip(sides, evaluated.tracks, strict=True):
-        if numbered.rows.sum() == side.steps.rows:  # otherwise filters may have left out other ids
+        if numbered.rows.sum() == side.steps.rows:  # else rows with other ids may be left out
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -374,7 +374,7 @@ def _result(
 
 
 def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
-    """Return those numbers of the summary that are sums, and the tracked share of each truth."""
+    """Return the numbers of the summary that are sums, and the tracked share of each truth."""
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
     total, first, second, whole = 0.0, 0.0, 0.0, True
@@ -452,7 +452,7 @@ def _notices(
 
 
 DIAGNOSED_ROWS = 50_000
-"""Number of rows of both sides for the diagnosis, which then takes a tenth of a second."""
+"""Number of rows of both sides that are diagnosed, which takes a tenth of a second."""
 
 
 def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
@@ -473,7 +473,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     truth, estimate = (reading.trajectories for reading in piece.read())
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
-    else:  # only their own timestamps show faults of clocks
+    else:  # faults of clocks show only in original timestamps
         sides = fit(truth, estimate, request, names)
     warnings = diagnose(sides, request)
     shown = grid.truth.shown

@@ -42,7 +42,7 @@ PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
 """Suffixes of files, without suffixes of compression."""
 
 HIDDEN = ("_", ".")
-"""First letters of files that writers put next to the data: _SUCCESS, _metadata, .crc."""
+"""First letters of files that writers of data add, such as _SUCCESS, _metadata, .crc."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -108,8 +108,8 @@ def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
 def state_of(stat: os.stat_result) -> tuple[int, ...]:
     """Return the parts of a status that differ after a file was changed or replaced.
 
-    The time of modification can be set back, but not the time of a change of status. The device is
-    left out, because its number may change with each mount.
+    A program can set the time of modification back, but not the time of the last status change. The
+    device is left out, because its number may change with each mount.
     """
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
@@ -160,7 +160,7 @@ def _kind(path: str) -> str:
     looks = "csv" if is_packed(head) or suffix in CSV_SUFFIXES else guess(path, head)
     if looks == "csv" and suffix in (*CSV_SUFFIXES, ".txt", ""):
         return "csv"
-    what = "is no table by its name" if looks == "csv" else f"looks like {looks}"
+    what = "its name is not that of a table" if looks == "csv" else f"looks like {looks}"
     raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")
 
 
@@ -177,7 +177,7 @@ Stretch = tuple[File, int, int]
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
     """Empty a folder of work that was derived from files with other content.
 
-    A changed file may have the size and times of the old one, so all files are read whenever the
+    A changed file may have the size and times of the old file, so all files are read whenever the
     work begins or continues.
 
     Parameters
@@ -395,7 +395,7 @@ DECODED = 1 << 17
 """Rows that are decoded together."""
 
 BYTES_OF_COLUMN = 1 << 20
-"""Bytes of a column that are read together, because a row group may be larger than memory."""
+"""Number of bytes of a column read together, because a row group may be larger than memory."""
 
 
 def table_rows(

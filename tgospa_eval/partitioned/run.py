@@ -43,7 +43,7 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Ids or pairs of blocks in one batch; each batch is a pass over all tracks."""
+"""Number of ids, or of pairs, in one batch; each batch is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,9 +53,9 @@ class Tracks:
     Parameters
     ----------
     ids : (k,) array of str
-        Ids in the order in which reading one file numbers them.
+        Ids of the k tracks, in the order in which reading one file would number them.
     rows, evaluated : (k,) int arrays
-        Numbers of all rows and of evaluated rows of each track.
+        Number of rows, and number of evaluated rows, of each track.
     numbers : list of Path
         For each block, the file with the global numbers of its tracks.
     """
@@ -106,7 +106,7 @@ def make_shards(
     of_truth : (m,) int array
         Shard of each truth, -1 for truths without a near pair.
     entries : (N,) int array
-        Entries of each shard.
+        Number of entries of each shard.
     sizes : dict of str to int
         Numbers of pairs, of steps of pairs and of components, as in a result.
     """
@@ -142,7 +142,7 @@ def make_shards(
 
 
 def _in_several(side: Tracks) -> Mask:
-    """Return a mask of the tracks in several blocks: only their pairs can be in several blocks."""
+    """Return a mask of tracks in several blocks; only pairs of such tracks occur in several."""
     count = np.zeros(len(side.ids), np.int32)
     for path in side.numbers:
         count[np.load(path)] += 1
@@ -162,7 +162,7 @@ def _near_tracks(
 # Progress of the stages.
 
 OUTWARD = 1e-12
-"""Relative widening of displayed bounds, which is larger than the error of nested sums."""
+"""Relative widening of displayed bounds, larger than the rounding of sums of sums."""
 
 
 SHOWN_FROM = 0.01
@@ -394,7 +394,7 @@ SCANNED = "scan"
 """Subfolder of the folder of work, for the blocks that were read."""
 
 HEAVY = 50_000
-"""Entries of the largest task above which workers start at once, if there are several tasks."""
+"""If the largest of several tasks has more entries, workers start at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -422,7 +422,7 @@ class Evaluated:
     beside : dict of dict of arrays
         Sums of further values of assigned pairs, from `sums_beside`.
     nees : NeesSums, optional
-        NEES, which shows whether covariances match the errors.
+        Sums of NEES, which show whether covariances match the errors.
     iterations : int
         Sum of the solver's iterations of all shards.
     constants : Problem
@@ -446,7 +446,7 @@ class Evaluated:
 def scan_parts(
     plan: BlockPlan, work: Path, share: Share, stages: Stages
 ) -> tuple[list[list[Json]], list[Scanned]]:
-    """Read all blocks of whole steps and find near pairs; blocks do not share times of a side.
+    """Read all blocks and find near pairs; a block has whole steps, and no time is in two blocks.
 
     Parameters
     ----------

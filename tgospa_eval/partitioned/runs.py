@@ -1,7 +1,7 @@
 """Rows of a side sorted by time: runs of bounded size, from which blocks are read.
 
-The files of a side are read once. As many rows as are processed together are sorted by time and
-written as a run. A block takes one range of rows from each run.
+The files of a side are read once. Rows that are processed together are sorted by time and written
+as a run. A block takes one range of rows from each run.
 """
 
 import json
@@ -32,7 +32,7 @@ from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22
-"""Distinct times that wait to be merged with those of other parts."""
+"""Number of distinct times of parts that are merged at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +48,7 @@ class Timestamps:
     clock : {"number", "local", "zoned"}
         Kind of the times.
     label : (T,) array of bytes, optional
-        Texts in UTF-8, if the times are not numbers; of equal times the first text in the files.
+        Texts in UTF-8, if the times are not numbers. Equal times get the first text in the files.
     source : str
         File of the first of these times.
     """
@@ -138,8 +138,8 @@ def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
         for value, source in parts:
             if value.dtype.kind == "i" and len(value) and np.abs(value).max() >= EXACT_BELOW:
                 raise InputError(
-                    f"{source}: has integer times that are not exact next to the decimal times of "
-                    "other files; write all times as 64-bit integers"
+                    f"{source}: its integer times are too large to be compared exactly with "
+                    "decimal times of other files; write all times as 64-bit integers"
                 )
     return np.concatenate([value for value, _ in parts])
 
@@ -185,7 +185,7 @@ def joined(parts: Sequence[Values]) -> Values:
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """Return rows with those requested attributes that are not columns of numbers."""
+    """Return rows with the requested attributes that are not columns of numbers."""
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}
@@ -194,7 +194,7 @@ def with_attributes(rows: Rows) -> Rows:
 
 
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
-    """Return the names that occur, in natural order, and the number of the name of each row."""
+    """Return the names that occur in natural order, and the index of each row's name."""
     if len(parts) == 1:
         return parts[0]
     names: list[str] = []
@@ -300,9 +300,9 @@ def run_names(folders: Iterable[Path], name: str) -> list[str]:
     for attribute, present in kinds.items():
         if {"numbers", "texts"} <= present:
             raise InputError(
-                f"{name}, column {quoted(attribute)}: some parts have numbers alone and some have "
-                "texts, so they are not compared alike; write texts that are not numbers, or "
-                "evaluate a part that fits into memory as one file"
+                f"{name}, column {quoted(attribute)}: some parts have only numbers and some have "
+                "texts, so equal values could be compared differently; write texts that are not "
+                "numbers, or evaluate a part that fits into memory as one file"
             )
     return sorted(classes, key=natural)
 

@@ -113,7 +113,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both sides from each step (T,) until before the next step."""
+        """Number of rows of both sides from each step until before the next step (T,)."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -195,17 +195,15 @@ def find_steps(
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
     if matching.of_estimate and matching.outage != "none":
         raise ConfigError(
-            f"{option('grid', matching.grid)}: what a tracker misses while it is silent is not "
-            f"known for data in parts; {option('grid', 'truth')}, or {option('outage', 'none')} "
-            "if it reports only what it sees"
+            f"{option('grid', matching.grid)}: for data in parts it is not known what a tracker "
+            f"misses in outages; use {option('grid', 'truth')}, or {option('outage', 'none')} "
+            "if the tracker reports only what it sees"
         )
     grid = align(*axis.sides, matching, names)
     if matching.of_estimate:
         axis = replace(axis, horizon=grid.truth)
     if grid.union and not len(grid.truth.times):
-        raise ConfigError(
-            f"{option('grid', matching.grid)}: no step is left, 0 of {grid.union:,} count"
-        )
+        raise ConfigError(f"{option('grid', matching.grid)}: no step is left of {grid.union:,}")
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
     sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
     plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)
@@ -229,7 +227,7 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Return the step of each timestamp of a side from its aligned `clock_of`, -1 for no step."""
+    """Return the step of each timestamp of a side, -1 for no step; `on` is its aligned clock."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
@@ -288,9 +286,10 @@ class Scanned:
     def read(self, name: str) -> NDArray[Any]:
         """Read an array that grows with the number of tracks, and is not kept in memory.
 
-        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). Each role has the ids
-        of tracks with a row, ``"truth_ids"`` (k,), the numbers of their rows, ``"truth_rows"``,
-        and the numbers of rows that are not evaluated, ``"truth_unjudged_rows"``.
+        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). For k truths with a
+        row, ``"truth_ids"`` (k,) has the ids, ``"truth_rows"`` the numbers of rows, and
+        ``"truth_unjudged_rows"`` the numbers of rows that are not evaluated. Arrays of estimates
+        have the same names with ``"estimate"``.
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]

@@ -135,7 +135,7 @@ SWITCHED = np.dtype(
 
 
 NO_TIME = 1e-3
-"""Time limit in seconds that suffices for bounds, and only for them."""
+"""Time limit in seconds so short that the solver makes only bounds."""
 
 
 def solve_shard(

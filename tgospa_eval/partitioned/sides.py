@@ -1,7 +1,7 @@
 """One side that is read in parts: all its times at once, its rows block by block.
 
-A block has the same rows as that range of time of one file with all rows, as read by
-`formats.read`. Formats, the order of the files and overlaps of their times make no difference.
+A block has the same rows as if `formats.read` read one file with all rows, in this range of time.
+Formats, the order of the files and overlaps of their times make no difference.
 """
 
 import hashlib
@@ -59,13 +59,13 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
-"""Assumed bytes of a line of text; with longer lines, runs have fewer rows."""
+"""Assumed number of bytes of a line of text; with longer lines, runs have fewer rows."""
 
 MIN_TEXT, MAX_TEXT = 1 << 12, 1 << 26
 """Smallest and largest number of bytes of text that are read at once."""
 
 PACKED_TO = 8
-"""Approximate size of an unpacked text relative to its compressed size."""
+"""Approximate ratio of the size of an unpacked text to its compressed size."""
 
 
 def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
@@ -113,7 +113,7 @@ def index_side(
     InputError
         A row is wrong, or a file is damaged or has other columns than the first file.
     ConfigError
-        Times cannot be converted, or differ in kind from those of --time.
+        Times cannot be converted, or --time has times of another kind.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
     tasks: dict[str, Task] = {
@@ -204,9 +204,9 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     if columns_in_use(roles) == columns_in_use(first):
         return
     raise InputError(
-        f"{file.path}: read by its columns {listed(columns_in_use(roles))}, and "
-        f"{first_file.path} by {listed(columns_in_use(first))}; write the same into all files, or "
-        f"name them with {option('columns')}"
+        f"{file.path}: it has the columns {listed(columns_in_use(roles))}, but "
+        f"{first_file.path} has {listed(columns_in_use(first))}; write the same columns into all "
+        f"files, or name them with {option('columns')}"
     )
 
 
@@ -222,8 +222,10 @@ class SideSteps:
 
     Parameters
     ----------
-    raw, times : (T,) int64 or float64 arrays
-        Distinct times, as in the files and on the clock of the evaluation.
+    raw : (T,) int64 or float64 array
+        Distinct times as in the files.
+    times : (T,) int64 or float64 array
+        Distinct times on the clock of the evaluation.
     counts : (T,) int64 array
         Rows at each time.
     labels : (T,) array of bytes, optional
@@ -237,7 +239,7 @@ class SideSteps:
     rows : int
         Rows of all files.
     classes : list of str
-        Classes of the rows, if they are requested or decide which rows are ignored.
+        Classes of the rows, if classes are requested or decide which rows are ignored.
     left_out : dict of str to int
         Number of rows that --time leaves out, by rule.
     runs : list of str
@@ -274,7 +276,7 @@ def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
 def _save_steps(
     timestamps: Timestamps, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, object]:
-    """Write the steps of a side into a folder, and return more facts about them."""
+    """Write the steps of a side into a folder, and return further facts about the side."""
     labels = None if timestamps.label is None else decoded(timestamps.label)
     times, shown = options.conversion.times(timestamps.value, timestamps.clock, labels, name)
     inside = np.ones(len(times), bool)
@@ -422,9 +424,9 @@ class PartsSide:
         trajectories = reading.trajectories
         if trajectories.clouds is not None:
             raise InputError(
-                f"{self.path}: rows repeat an (id, t) and there are weights, as of clouds of "
-                "particles, which are not read in parts; give one file that fits into memory, or "
-                "one row per object and step"
+                f"{self.path}: rows repeat an (id, t) and have weights, so they seem to be "
+                "particles of clouds, which are not read in parts; give one file that fits into "
+                "memory, or one row per object and step"
             )
         if steps.labels is not None:
             trajectories = _labelled(trajectories, decoded(steps.labels[begin:end]))
@@ -500,7 +502,7 @@ def open_side(
     role : {"truth", "estimate"}
         Which side it is.
     work : Path
-        Folder for the index and the sorted rows. An index that is in it already is used.
+        Folder for the index and the sorted rows. An index that is already there is used.
     rows_together : int
         Approximate number of rows of the blocks that will be read.
     run : callable

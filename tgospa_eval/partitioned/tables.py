@@ -36,16 +36,16 @@ if TYPE_CHECKING:
 
 
 ROW_GROUP = 1 << 17
-"""Rows of a row group, which is in memory when a table is written or read."""
+"""Number of rows of a row group; one row group is in memory while a table is written or read."""
 
 REPEATED = ("t", "weight", "mass")
-"""Columns of doubles with few distinct values, stored with a dictionary of their values. Other
-columns of doubles are smaller and faster to write without one."""
+"""Columns of doubles with few distinct values, which are stored with a dictionary of the values.
+Other columns of doubles are smaller and faster to write without a dictionary."""
 
 
 Names: TypeAlias = Mapping[str, NDArray[Any]]
-"""Names of steps and tracks by their numbers: ``times`` as they were read, and ids of ``truths``
-and ``estimates``. Texts are not Python objects, so that the arrays can be mapped from files."""
+"""Names by number: ``times`` of steps as they were read, and ids of ``truths`` and ``estimates``.
+Texts are not Python objects, so that the arrays can be mapped from files."""
 
 
 def _write_columns(path: str, columns: Arrays) -> None:
@@ -89,9 +89,9 @@ def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: 
 def write_table(
     path: str, columns_of: Callable[[Any], dict[str, Any]], chunks: Iterable[Any], none: Any
 ) -> None:
-    """Write a table in row groups under a temporary name, and rename it: always the same bytes.
+    """Write a table in row groups under a temporary name, and rename it.
 
-    Row groups have `ROW_GROUP` rows, so that the file does not depend on the sizes of the chunks.
+    Row groups have `ROW_GROUP` rows, so the bytes of the file do not depend on sizes of chunks.
 
     Parameters
     ----------
@@ -188,10 +188,10 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
 # Assigned pairs and switches of all shards as tables sorted by time.
 
 ROWS_A_PART = 1 << 23
-"""Rows of a file of assigned pairs; the rows of its last step may exceed this number."""
+"""Number of rows of a file of assigned pairs; rows of its last step may exceed this number."""
 
 ROWS_AT_ONCE = 1 << 15
-"""Rows that are sorted at once; the rows of the last step may exceed this number."""
+"""Number of rows that are sorted at once; rows of the last step may exceed this number."""
 
 ORDER = ("step", "truth", "estimate")
 
@@ -214,7 +214,7 @@ def write_part(
     pieces : sequence of str
         Files of ASSIGNED_PAIR, each sorted by time.
     edges : (n + 1,) int array
-        Edges of n stretches of steps with about `ROWS_AT_ONCE` rows each.
+        Edges of n ranges of steps with about `ROWS_AT_ONCE` rows each.
     names : str
         Folder of the names, each in a file NAME.npy.
     parameters : Parameters
@@ -299,7 +299,7 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
 def sums_beside(
     pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
-    """Add up the further values of assigned pairs and their NEES, by each index of `ORDER`.
+    """Add up further values of assigned pairs and their NEES: by step, by truth, by estimate.
 
     Parameters
     ----------
@@ -357,7 +357,7 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
 
 
 def existing_files(folders: Iterable[Path], name: str) -> list[Path]:
-    """Return the files of this name in those folders that have one."""
+    """Return the files with this name in the folders."""
     return [folder / name for folder in folders if (folder / name).exists()]
 
 
@@ -388,7 +388,7 @@ def write_tables(
     proof : Costs
         Costs of the whole evaluation.
     tracks : pair of pairs
-        For truths and for estimates: the number of steps of each track, and its costs.
+        Number of steps and costs of each track: a pair for truths, and a pair for estimates.
     shards : sequence of Path
         Folders with ``switched.npy``, each sorted by time.
     run : callable
@@ -398,8 +398,8 @@ def write_tables(
     further : mapping
         Further columns of steps, truths and estimates, by the names of `ORDER`.
     assignments : bool
-        Whether to fill the table of assigned pairs, which is as long as the data. Otherwise it has
-        no rows.
+        Whether to fill the table of assigned pairs, which is as long as the data. If not, the
+        table has no rows.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tasks that write one output each and are skipped if it exists, so that killed work continues."""
+"""Tasks that write one output each. Work can continue, because finished tasks are skipped."""
 
 import os
 import shutil
@@ -77,7 +77,7 @@ def run_tasks(
         if lost:
             raise SolverError(
                 f"a process died during {os.path.basename(output)}, most likely from lack of "
-                f"memory: allow less with {option('memory')}, or fewer processes with "
+                f"memory; choose a smaller {option('memory')}, or fewer processes with "
                 f"{option('jobs')}"
             )
         done(output)
@@ -87,8 +87,8 @@ def run_tasks(
 def removing(work: Path, but: str = "") -> Iterator[None]:
     """Remove the folders in a folder of work, except the one named `but`.
 
-    All folders are renamed before the body of the ``with`` runs, and removed after it. So an
-    interruption leaves no partly removed folder that would be taken for finished work.
+    All folders are renamed before the body of the ``with`` runs, and removed after it. Otherwise an
+    interruption could leave a partly removed folder that looks like finished work.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Consistency of covariances with errors: the NEES of assigned pairs, and its sums.
 
-    NEES = e' P^-1 e,   e the error of an assigned state, P its covariance.
+    NEES = e' P^-1 e,   where e is the error of an assigned state, and P its covariance.
 
-If errors are Gaussian with covariance P, NEES is chi-square distributed with d degrees of freedom
-(Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2). ANEES is its mean over d (Li, Zhao and Jilkov
-2001). The sums of several evaluations, or of parts of one, add up.
+If errors of d components are Gaussian with covariance P, NEES is chi-square distributed with d
+degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2). ANEES is the mean NEES
+divided by d (Li, Zhao and Jilkov 2001). Sums of several evaluations, or of parts, add up.
 """
 
 from collections.abc import Iterable, Mapping
@@ -31,7 +31,7 @@ ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
 """Codes of notices about covariances."""
 
 INSIDE = 0.95
-"""Probability of the region whose pairs are counted, and of the bands."""
+"""Probability of the region in which pairs count as inside, and of the band of the mean."""
 
 EVIDENT = 0.999
 """Probability of the band outside of which a warning is raised."""
@@ -83,10 +83,10 @@ class NeesSums:
     inside : float
         Number of pairs inside the region of 95 %.
     neighbours, products, ends : float
-        Number of neighbouring steps of one pair of tracks, sum of the products of their NEES, and
-        sum of their NEES.
+        Sums over neighbouring steps of a pair of tracks: their number, the product of both NEES,
+        and the sum of both NEES.
     ranks : (d, 10) tuple of tuple of float
-        For particles, the number of true states in each tenth of their marginal distributions.
+        For clouds: number of true states in each tenth of the marginal distribution, by component.
     """
 
     components: int
@@ -148,7 +148,7 @@ class NeesSums:
 
     @property
     def independent(self) -> float:
-        """Number of independent values whose mean varies as much.
+        """Number of independent values whose mean varies as much as that of all N pairs.
 
         It is ``N (1 - r) / (1 + r)`` with the correlation r of neighbouring steps, because errors
         of a filter last for several steps.
@@ -206,19 +206,19 @@ class NeesSums:
         share = f"{100 * self.inside / self.pairs:.1f} %"
         return (
             f"{number(self.mean, 4)} where {self.components} is expected "
-            f"({band_in_words(low, high)}), {share} of states inside {100 * INSIDE:g} %: "
-            f"{self.verdict}"
+            f"({band_in_words(low, high)}), {share} of states inside the "
+            f"{100 * INSIDE:g} % region: {self.verdict}"
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
-        """Return warnings for readers of the value only; `spread` is the cost of covariances."""
+        """Warn if the mean is far from its expected value; `spread` is the cost of covariances."""
         if self.independent < FEWEST or not self.total:  # equal files have errors of 0
             return ()
         low, high = band(self.independent, self.components, EVIDENT)
         if low <= self.mean <= high:
             return ()
         size = "small" if self.mean > high else "large"
-        caveat = "" if spread is None else "; smaller covariances cost less, right or wrong"
+        caveat = "" if spread is None else "; smaller covariances cost less even if they are wrong"
         return (
             Notice(
                 code=self.verdict,
@@ -244,7 +244,7 @@ def fits_sums(record: Json) -> bool:
 def nees_sums(
     pairs: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
-    """Sum over assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
+    """Return sums over N assigned pairs; NEES (N,) is NaN where the covariance is singular."""
     known = ~np.isnan(nees)
     weight, values = pairs.weight[known], nees[known]
     order = np.lexsort((pairs.step[known], pairs.estimate[known], pairs.truth[known]))

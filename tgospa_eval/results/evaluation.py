@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
 OPEN = 0.99
-"""Relative gap from which a bracket says hardly more than its upper bound."""
+"""If the relative gap is larger, the lower bound says hardly anything."""
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *records.PARTS)
@@ -77,10 +77,10 @@ class Evaluation(ABC):
     evaluated_on : Coverage
         Steps and true objects that were evaluated.
     sizes : dict of str to int
-        Numbers of trajectories, steps, pairs of trajectories that are ever near, pairs of states
-        that are near, and components.
+        Numbers of trajectories, steps, near pairs of trajectories (near at any step), near pairs
+        of states, and components.
     objects : pair of int
-        Numbers of object-steps of the truth and of estimate-steps of the estimate.
+        Number of object-steps of the truth, and number of estimate-steps.
     version : str
         Version of the package.
     split : mapping of str to float, optional
@@ -148,7 +148,7 @@ class Evaluation(ABC):
 
     @property
     def messages(self) -> list[str]:
-        """Messages beside the number: settings file, warnings, notices."""
+        """Messages in addition to the number: settings file, warnings, notices."""
         return [*messages_of(self.settings_file, self.warnings), *self.notices]
 
     @cached_property
@@ -262,10 +262,10 @@ class Evaluation(ABC):
 
     @property
     def ignored(self) -> dict[str, float] | None:
-        """States that are not evaluated: ``truth_states``, ``absorbed`` and ``excused`` estimates.
+        """Numbers of states that are not evaluated; None if all states are evaluated.
 
-        None if all states are evaluated. Absorbed estimates follow an ignored true object, counted
-        by their weights. Excused estimates cost nothing if they are false.
+        ``truth_states`` are ignored. ``absorbed`` estimates follow an ignored true object, and are
+        counted by their weights. ``excused`` estimates cost nothing if they are false.
         """
         return None if self.unjudged is None else self.unjudged.totals
 
@@ -283,7 +283,7 @@ class Evaluation(ABC):
 
     @property
     def normalised(self) -> dict[str, float]:
-        """``(total / n) ** (1 / order)`` over the n steps, and over the states of the truth."""
+        """``(total / n) ** (1 / order)``, where n counts steps, or states of the truth."""
         total, states = self.proof.breakdown.total, self.evaluated_on.truth_states
         per_object = {"per_object": self._root(total / states)} if states else {}
         return {"tgospa": self._root(total / self.evaluated_on.each)} | per_object
@@ -302,7 +302,7 @@ class Evaluation(ABC):
     def summary(self) -> records.Json:
         """Numbers of tracking of the reported assignment (docs/reference/summary.md).
 
-        ``unique`` is true if the assignment is proven to be the only optimal one; else another
+        ``unique`` is true if the assignment is proven to be the only optimal one. Otherwise another
         optimal assignment may have other numbers.
         """
         return {**self.summarised.numbers, "unique": self.is_unique}
@@ -374,7 +374,7 @@ class Evaluation(ABC):
         """Return the normalised curve (docs/theory/solvers.md): no columns if it was not requested.
 
         The row of step k is about the steps 1 to k. The metric and its bounds are
-        (cost / steps) ** (1 / order), the parts are cost / steps, where `steps` is the number of
+        (cost / steps) ** (1 / order). The parts are cost / steps. Here `steps` is the number of
         steps of the horizon up to k.
         """
         bounds = self.curve_bounds
@@ -391,7 +391,7 @@ class Evaluation(ABC):
     def _windows(self) -> records.Columns:
         """Return the sliding windows: no columns if they were not requested.
 
-        A row has the metric of the window evaluated alone, its bounds, and the parts of its cost.
+        A row has the metric of one window evaluated by itself, its bounds, and parts of its cost.
         ``normalised`` is (cost / steps) ** (1 / order), where `steps` is the number of steps of the
         horizon in the window.
         """
@@ -487,14 +487,14 @@ class Evaluation(ABC):
     def metrics(self) -> dict[str, float]:
         """Return the numbers as a flat dict of floats, for loggers of experiments.
 
-        Names are those of the JSON, with a dot between levels: ``tgospa``, ``total``,
-        ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
+        Names are those of the JSON, with a dot between levels. There are always ``tgospa``,
+        ``total``, ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
-        ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
-        ``localisation_mean`` and ``localisation_spread``, with probabilities of existence
-        ``expected_localisation`` and ``existence_mismatch``; requested metrics such as
-        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``; defined
-        numbers of the summary such as ``summary.detection_rate``.
+        ``counts.switch`` and ``normalised.tgospa``. If the distance has such parts, there are
+        ``localisation_mean`` and ``localisation_spread``. With probabilities of existence there are
+        ``expected_localisation`` and ``existence_mismatch``. Requested metrics have names such as
+        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``. Defined
+        numbers of the summary have names such as ``summary.detection_rate``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -523,9 +523,10 @@ class Evaluation(ABC):
         Parameters
         ----------
         false_targets : float
-            Number of false targets at each step that get `score` if there are no other errors.
+            Number n of false targets at each step. With no other errors, n false targets at each
+            step get `score`.
         score : float
-            Score of that many false targets.
+            Score of n false targets at each step.
 
         Returns
         -------
@@ -592,10 +593,10 @@ class Evaluation(ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     per_step = frame_of("per_step", "Cost of each step by kind.")
-    curve = frame_of("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
-    windows = frame_of("windows", "Sliding windows, if they were asked for.")
+    curve = frame_of("curve", "TGOSPA of the steps up to each step, and its parts, if requested.")
+    windows = frame_of("windows", "Sliding windows, if requested.")
     switches = frame_of("switches", "Changes of each truth's assignment.")
-    assignments = frame_of("assignments", "Pairs that both exist, are near, and are assigned.")
+    assignments = frame_of("assignments", "Assigned pairs of states nearer than the cutoff.")
     per_truth = frame_of("per_truth", "Steps, costs and counts of each truth.")
     per_estimate = frame_of("per_estimate", "Steps, costs and counts of each estimate.")
 

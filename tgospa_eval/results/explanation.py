@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 EXPLANATION_SCHEMA = "tgospa-eval/explanation/1"
 
 OF_THE_RESULT = ("certified", "parameters", "files", "input", "version")
-"""Fields of the result that the JSON has as they are, beside its values."""
+"""Fields of the result that the JSON has as they are, in addition to its values."""
 
 KINDS = ("merge", "exchange", "split", "drop", "trim", "fill", "extend", "shift", "offset")
 """Kinds of repairs."""

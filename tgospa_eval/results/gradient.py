@@ -29,8 +29,8 @@ class Gradient:
     first_particle : (R + 1,) int array, optional
         Index of the first particle of each state.
     cutoff, switch_penalty : float
-        Derivative of ``total`` by the parameters. Not a number for gamma = 0 and p = 1, where any
-        number of switches is best.
+        Derivative of ``total`` by the parameters. For gamma = 0 and p = 1 it is not a number,
+        because any number of switches is best.
     root : float
         Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
     shown_unique : callable

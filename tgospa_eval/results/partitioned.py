@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 STORED_TABLES = ("per_step", "per_truth", "per_estimate", "switches", "assignments")
-"""Tables, each a file NAME.parquet, except the last, a folder of files ``part-*.parquet``."""
+"""Tables. The last one is a folder of files ``part-*.parquet``, any other a file NAME.parquet."""
 
 IN_PARTS = "assignments"
 
@@ -141,7 +141,7 @@ class StoredTables:
 
 
 def _doubles(column: "pa.DoubleArray") -> Floats:
-    """Return a column without missing values; `numpy.asarray` and `take` would import pandas."""
+    """Return a column without missing values, not by functions that would import pandas."""
     values: Floats = np.frombuffer(column.buffers()[1], np.float64)
     return values[column.offset : column.offset + len(column)]
 
@@ -152,7 +152,7 @@ def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
 
 
 MAX_RECORDS = 100_000
-"""Largest number of steps, or of switches, with a record each in the JSON document.
+"""Largest number of steps, or of switches, for which the JSON document has records.
 
 If there are more, the document only names the table."""
 
@@ -183,7 +183,7 @@ class PartitionedResult(Evaluation):
 
     @property
     def is_unique(self) -> None:
-        """None, as it is unknown for data in parts."""
+        """None, because it is unknown for data in parts."""
         return None
 
     def _of_tracks(self, name: str) -> Columns:

@@ -27,7 +27,7 @@ CountedPart: TypeAlias = Literal["missed", "false", "switch"]
 
 COUNTED_PARTS: tuple[CountedPart, ...] = ("missed", "false", "switch")
 PARTS: tuple[Part, ...] = ("localisation", *COUNTED_PARTS)
-"""Parts of the cost in the order of every output; all parts after the first have a count."""
+"""Parts of the cost in the order of every output; all except the first have a count."""
 
 Json: TypeAlias = dict[str, Any]
 """JSON object of plain Python values."""
@@ -78,7 +78,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Return the relative error of a root, which exists because 1/p is not a double."""
+        """Return the relative error of the p-th root; it is not 0, because 1/p is not a double."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
@@ -95,7 +95,8 @@ class Costs:
     def numbers(self, gap: float, steps: int) -> dict[str, Any]:
         """Return the main numbers of a row: value, bounds, cost, parts and counts.
 
-        Values are exact with a relative gap up to `gap`. `steps` normalises the value per step.
+        A value is exact if its relative gap is at most `gap`. `steps` normalises the value per
+        step.
         """
         root, scale, split = self.parameters.root, self.parameters.scale, self.breakdown
         lower, upper = self.total_bounds
@@ -125,8 +126,8 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
     Parameters
     ----------
     file : dict
-        Record with ``rows``, ``format`` and ``left_out``, the numbers of rows that are left out, by
-        rule or option.
+        Record with ``rows``, ``format`` and ``left_out``. The last has the numbers of rows that are
+        left out, by rule or option.
     sha256 : str
         Digest of the rows that take part.
     off : mapping of str to int
@@ -148,7 +149,7 @@ def step_columns(split: Breakdown, scale: float) -> Arrays:
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """Return costs of each true object (side 0) or estimate (side 1); `steps` has their lengths."""
+    """Return costs of each true object (side 0) or estimate (side 1); `steps` are their lengths."""
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -186,14 +187,14 @@ DEFAULT_SCORE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Scale of a similarity score, set by the score of a number of false targets.
+    """Scale of a similarity score, given by the score of n false targets at each step.
 
     Parameters
     ----------
     false_targets : float
         Number n > 0 of false targets at each step.
     score : float
-        Score of these false targets, 0 < s < 1.
+        Score of n false targets at each step, between 0 and 1.
 
     Raises
     ------
@@ -305,7 +306,7 @@ def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedSides:
-    """Two sides as they were compared, after filters, grid and joined timestamps.
+    """Two sides as they were compared: without rows left out, on one grid, with joined times.
 
     Parameters
     ----------
@@ -318,11 +319,11 @@ class ComparedSides:
     columns : tuple of str
         Names of the d state columns.
     truth, estimate : (R, d) float arrays
-        States before the distance prepared them, in the order of the rows of the problem, by step
-        and track.
+        States before the distance prepared them, sorted by step and track like the rows of the
+        problem.
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
-        Lower triangles of the covariances of these states, for clouds their second moments. They
-        are used for NEES and pictures.
+        Lower triangles of the covariances of these states, or second moments of clouds. They are
+        used for NEES and pictures.
     truth_clouds, estimate_clouds : Clouds, optional
         Particles of the states.
     reports : ClockReports, optional
@@ -357,7 +358,7 @@ class PairProof(Costs):
     reduced : tuple of Reduced
         Blocks whose lower bound comes from a smaller cutoff.
     compared : ComparedSides
-        Sides with the meaning of the numbers of steps and tracks.
+        Sides as they were compared, with the names of numbered steps and tracks.
     """
 
     states: States

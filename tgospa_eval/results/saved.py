@@ -38,11 +38,11 @@ from tgospa_eval.results.summary import SUMMARY
 # -------------------------------------------------------------------------------------------------
 # The only check of stored numbers, for saved results, rows of stores and baselines.
 #
-# Names are those of the document of a result, with a dot between levels. A rule without all of its
-# numbers is skipped. Tolerances allow for the rounding of sums and roots.
+# Names are those of the document of a result, with a dot between levels. A rule is skipped if any
+# of its numbers is missing. Tolerances allow for the rounding of sums and roots.
 
 AGREE, ADD_UP = 1e-9, 1e-6
-"""Relative tolerances of values that are the same, and of sums."""
+"""Relative tolerance of equal values; relative tolerance of sums."""
 
 TINY = 1e-300
 """Cost below which numbers lose digits."""
@@ -54,7 +54,7 @@ SPLITS = (SPLIT_PARTS[:2], SPLIT_PARTS[2:])
 """Groups of parts of localisation that sum to it."""
 
 UNLIKE_COUNTS = ("step_weights", "existence")
-"""Parameters with which costs are not multiples of counts."""
+"""Parameters that, if set, make costs differ from multiples of counts."""
 
 Rule = tuple[str, Mask, Floats, str]
 """Name of the tested number, mask where it is right, the other number, and a text about it."""
@@ -192,7 +192,7 @@ NEUTRAL = ("unit", "decimal")
 """Parameters that change neither bracket nor metric, but only files and output."""
 
 LARGEST_RESULT = 1 << 32
-"""Bytes above the size of any saved result."""
+"""Largest accepted size of a saved result in bytes."""
 
 RESULT_FILE = "result.json"
 """Name of the result in a folder of ``-o``."""
@@ -279,7 +279,7 @@ SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYT
 
 
 def _is_summary(value: Any) -> bool:
-    """Check for a record of numbers and of such records, with flags, limits and nulls."""
+    """Check that a value is a record of numbers, flags, limits, nulls or such records."""
     if isinstance(value, dict):
         return all(map(_is_summary, value.values()))
     if value is None or isinstance(value, bool):

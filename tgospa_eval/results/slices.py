@@ -16,10 +16,10 @@ CROSSED = " * "
 """Text between two crossed attributes, in names of slices and on the command line."""
 
 NO_VALUE, NO_ATTRIBUTE, UNNAMED = "(missing)", "(none)", "(others)"
-"""Slices of rows without a value, of sides without the attribute, and of unnamed texts."""
+"""Names of slices: of rows without a value, of sides without the attribute, of unnamed texts."""
 
 UNDER, BEYOND_LAST, AND_MORE = "below ", "above ", " and more"
-"""Parts of the names of slices outside of the given edges."""
+"""Parts of the names of slices beyond the given edges."""
 
 BETWEEN_EDGES = " to "
 
@@ -37,7 +37,8 @@ class Slice:
     missed_count, false_count, switch_count : float
         Numbers of missed and false object-steps, and of switches.
     truth_steps, estimate_steps : float
-        States of truth and estimate in the slice, as shares where attributes are weights.
+        Number of states of truth and of estimate in the slice; sums of shares if the attribute is
+        a weight.
     assigned_steps, squared_error : float
         Assigned states of the truth in the slice, and the sum of their squared errors; NaN in older
         results.
@@ -88,7 +89,7 @@ OLDER_NUMBERS = SLICE_NUMBERS[:-2]
 """Names of the numbers that older results have as well."""
 
 RATIOS = ("detection_rate", "rmse")
-"""Names of derived numbers: the first needs a state of the truth, the second an assigned state."""
+"""Names of derived numbers: a rate needs a state of the truth, an RMSE an assigned state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +103,7 @@ class Slicing:
     slices : tuple of Slice
         Slices in the order of their ranges or values.
     unique : bool
-        Whether the best assignment, and with it the split, is proven to be the only one.
+        Whether the best assignment, and so the split, is proven to be the only one.
     """
 
     by: str

@@ -33,21 +33,21 @@ NUMBERS = (
 """Names of all numbers except those of each axis, ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Numbers that are shares, with the largest value as best."""
+"""Numbers that are shares; the largest value is best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Numbers with the smallest value as best."""
+"""Numbers whose smallest value is best."""
 
 POOLED = {
     "detection_rate": "truth_states",
     "precision": "estimate_states",
     **dict.fromkeys(("rmse", "mean_error"), "assigned_states"),
 }
-"""Numbers that are means over states, by the number of these states."""
+"""Numbers that are means over states, with the name of the number of these states."""
 
 
 def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
@@ -87,9 +87,11 @@ class TrackedShares:
 
     Parameters
     ----------
-    lost, tracked : float
-        Share below which an object is mostly lost, and share from which it is mostly tracked, with
-        0 <= lost <= tracked <= 1.
+    lost : float
+        An object is mostly lost if its followed share is smaller.
+    tracked : float
+        An object is mostly tracked if its followed share is at least this, 0 <= lost <= tracked
+        <= 1.
 
     Raises
     ------
@@ -115,7 +117,7 @@ class TrackedShares:
         if not 0 <= self.lost <= self.tracked <= 1:
             raise ConfigError(
                 f"is {self.lost:g}:{self.tracked:g}: must be two shares from 0 to 1, the lower one "
-                "first, as 0.2:0.8"
+                "first, such as 0.2:0.8"
             )
 
     @classmethod
@@ -124,7 +126,7 @@ class TrackedShares:
         try:
             lost, tracked = map(float, text.split(":"))
         except ValueError:
-            raise ConfigError(f"is {text}: must be two shares, as 0.2:0.8") from None
+            raise ConfigError(f"is {text}: must be two shares, such as 0.2:0.8") from None
         return cls(lost=lost, tracked=tracked)
 
 
@@ -190,7 +192,7 @@ def rows(
 ) -> Iterator[tuple[str, str]]:
     """Yield lines of the summary, a name and its numbers; lines without numbers are left out.
 
-    `quantity` formats an error by the base distance, `place` one of the position, `time` a time.
+    `quantity` formats errors by the base distance, `place` errors of positions, `time` times.
     """
 
     def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:

@@ -21,7 +21,7 @@ class Point:
     value : float
         Value of the parameter.
     tgospa, lower_bound, total : float
-        The metric (a proven upper bound), a proven lower bound, and ``tgospa ** order``.
+        The metric (a proven upper bound), a proven lower bound, and the total ``tgospa ** order``.
     relative_gap : float
         (upper - lower) / upper of the totals.
     certified : bool
@@ -67,8 +67,8 @@ class SweepEvaluation:
     points : tuple of Point
         Points in the order of their values.
     settings, sizes, input, timings : dict
-        Options that change the numbers, without the swept parameter; trajectories and steps; rows
-        and digests; seconds by stage. The form is that of a `Result`.
+        Records as in a `Result`: options without the swept parameter, numbers of trajectories and
+        steps, rows and digests, seconds by stage.
     version : str
         Version of the package that computed the sweep.
     warnings : tuple of Notice

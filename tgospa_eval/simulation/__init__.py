@@ -36,10 +36,9 @@ class Scene:
         Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
     state : {"point", "gaussian", "cloud", "box"}
         Kind of the states. Points have ``x, y``. Gaussians also have the covariance of the error
-        of each estimate. Clouds have points in the truth; each report is a cloud of particles
-        around its point, with the spread of the noise. Boxes have ``left, top, width, height``
-        around this point. The height is drawn uniformly from [A/20, A/8] and kept; the width is
-        0.4 of it.
+        of each estimate. With clouds, true states are points, and each report is a cloud of
+        particles with the spread of the noise. Boxes have ``left, top, width, height``. The height
+        of an object is drawn uniformly from [A/20, A/8] and kept; its width is 0.4 of the height.
     particles : int
         Number of particles of a cloud, at least 1.
 
@@ -78,7 +77,7 @@ ERROR_RANGES = {
     **dict.fromkeys(("detection", "merges", "swaps", "fragmentation"), (0.0, 1.0)),
     "false_rate": (0.0, 1e6),
 }
-"""Limits of errors that are real numbers."""
+"""Smallest and largest value of each error that is a real number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +92,7 @@ class Tracker:
     detection : float
         Probability that a target is reported at a step.
     confirmation : int
-        Number of steps after its birth at which a target is not reported yet.
+        Number of steps after the birth of a target at which it is not reported yet.
     merges : float
         Probability that two targets are one track for as long as they are near.
     swaps : float
@@ -103,7 +102,7 @@ class Tracker:
     fragmentation : float
         Probability at each step that a track is lost.
     lost : int
-        Number of steps until a lost track is found again, under a new number.
+        Number of steps until a lost track continues, under a new number.
     latency : int
         Number of steps by which every report is late.
     false_rate : float
@@ -137,7 +136,7 @@ class Tracker:
             shortest, longest = self.false_length
         except (TypeError, ValueError):
             raise ConfigError(
-                f"false-length is {self.false_length!r}: must be two numbers, least and most"
+                f"false-length is {self.false_length!r}: must be two numbers, smallest and largest"
             ) from None
         for length in (shortest, longest):
             whole_number("false-length", length, 1, LARGEST_COUNT)
@@ -151,12 +150,12 @@ def simulate(
     """Return the ground truth of a scene, and the tracks that the tracker reports.
 
     Times and ids of true objects count from 1. The track that begins on object i has the number
-    100 + i (1000 + i from 100 targets on, and so on), and later tracks follow. Values are rounded
-    to about a hundred-thousandth of the area, or of 200 times the noise if that is less. So
-    machines whose sines differ in the last digit make the same files.
+    100 + i, or 1000 + i if there are 100 targets or more, and so on. Later tracks have the next
+    numbers. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise
+    if that is smaller. So machines whose sines differ in the last digit make the same files.
 
-    Every error has its own stream of random numbers, so a change of one error leaves the draws of
-    any other error unchanged.
+    Every error has its own stream of random numbers, so a change of one error does not change the
+    draws of another error.
 
     Parameters
     ----------

@@ -62,14 +62,14 @@ SPEED = 1 / 100
 """Typical step of a free target, as a share of the side of the square."""
 
 LEG = 10
-"""Steps with the same turn rate of a manoeuvring target: a quarter of a circle."""
+"""Number of steps in which a manoeuvring target goes straight, or turns by 90 degrees."""
 
 
 def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return straight lines that meet in the middle at half time.
 
-    x_i(u) = A/2 + o_i + 0.4 A u (cos a_i, sin a_i), u from -1 to 1; offsets o_i uniform in
-    [-A/40, A/40]^2, directions a_i = 2 pi (i + U[0, 1]) / m.
+    Target i of m is at A/2 + o_i + 0.4 A u (cos a_i, sin a_i), where the time u goes from -1 to 1.
+    Offsets o_i are uniform in [-A/40, A/40]^2. Directions are a_i = 2 pi (i + U[0, 1]) / m.
     """
     angle = 2 * np.pi * (np.arange(targets) + rng.random(targets)) / max(targets, 1)
     along = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
@@ -79,10 +79,10 @@ def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return lanes with spacing A / (m + 1), all at one speed.
+    """Return m targets in lanes with spacing A / (m + 1), all at one speed.
 
-    x_i(u) = A (s_i + 0.8 u), y_i = A (i + 1) / (m + 1), u from 0 to 1; starts s_i uniform in
-    [0, 0.2].
+    Target i is at x_i = A (s_i + 0.8 u), y_i = A (i + 1) / (m + 1), where the time u goes from 0 to
+    1. Starts s_i are uniform in [0, 0.2].
     """
     start = np.stack(
         (rng.uniform(0, 0.2, targets), (np.arange(targets) + 1) / (targets + 1)), axis=-1
@@ -91,10 +91,11 @@ def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) ->
 
 
 def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return tracks in a row on a winding road, with spacing g = min(A/20, 0.3 A/m).
+    """Return m targets in a row on a winding road, with spacing g = min(A/20, 0.3 A/m).
 
-    x_i(u) = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
-    y_i = A/2 + A/5 sin(2 pi x_i / A + phi), phi uniform.
+    With the time u from 0 to 1 and a uniform angle phi, target i is at
+    x_i = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
+    y_i = A/2 + A/5 sin(2 pi x_i / A + phi).
     """
     spacing = min(area / 20, 0.3 * area / max(targets, 1))
     behind = spacing * np.arange(targets)[::-1]
@@ -118,8 +119,8 @@ def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Fl
 def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return straight lines of targets that are born and die.
 
-    Lifetimes are uniform in {ceil(T/4), ..., T}, and births are uniform in the remaining range.
-    Steps are N(0, (A/100)^2).
+    In a recording of T steps, lifetimes are uniform in {ceil(T/4), ..., T}. Births are uniform in
+    the remaining range. Steps are N(0, (A/100)^2).
     """
     velocity = np.repeat(rng.normal(0, SPEED * area, (1, targets, 2)), steps, axis=0)
     states = _walk(velocity, area, rng)
@@ -131,7 +132,7 @@ def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 
 
 def manoeuvring(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return tracks at speed A/100 that go straight or turn by 90 degrees in every 10 steps."""
+    """Return targets at speed A/100 that, every 10 steps, go straight or turn by 90 degrees."""
     legs = rng.integers(-1, 1, (-(-steps // LEG), targets), endpoint=True)
     turn = np.repeat(legs * (np.pi / 2 / LEG), LEG, axis=0)[:steps]
     heading = rng.uniform(0, 2 * np.pi, targets) + np.cumsum(turn, axis=0)

@@ -1,7 +1,7 @@
 """Settings of simulations in the literature, each named after its source.
 
-Targets keep nearly constant velocity. They are drawn in the middle of the recording, near to each
-other, and continue from there forward and backward in time, so that all meet at half time.
+Targets have nearly constant velocity. Their states at half time are drawn near to each other, and
+motion continues from there forward and backward in time. So all targets meet at half time.
 """
 
 from dataclasses import fields, replace
@@ -17,7 +17,7 @@ from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
 
 DECIMALS = 5
-"""Decimals of positions, few enough that machines with different last digits agree."""
+"""Decimals of positions, so few that machines with different last digits agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,8 +122,8 @@ def run_setting(
     truth : Trajectories
         Trajectories of the targets.
     estimate : Trajectories
-        Measurements of each target as a separate track, as before the filter of a tracker without
-        clutter and without errors of association.
+        Measurements of each target as a separate track, without clutter and without errors of
+        association.
     measurements : list of (M, 2) arrays
         Measurements at each step, of targets and false ones, shuffled.
     """

@@ -1,8 +1,8 @@
 """Errors of trackers, one function each, without scenarios and files.
 
-Each function receives states (T, n, d), NaN where absent, and returns new states. A column is a
-track; before `swap` and `fragment`, column i follows target i. Meetings are those of
-`tgospa_eval.simulation.scenarios`.
+Each function receives states (T, n, d) of T steps and n tracks, NaN where a track is absent, and
+returns new states. Before `swap` and `fragment`, track i follows target i. Meetings are the
+encounters of `tgospa_eval.simulation.scenarios`.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.tracks.clouds import Clouds
 
 WIDER = 1.5
-"""Standard deviation for drawing particles, relative to that of the represented Gaussian."""
+"""Standard deviation of drawn particles, relative to that of the represented Gaussian."""
 
 LARGEST_DEVIATE = 2.6
 """Largest drawn deviate in standard deviations; beyond it, weights would be close to 0."""
@@ -80,9 +80,9 @@ def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Flo
 def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
     """Return covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
 
-    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and
-    the direction v across it. The error along the line of sight is S / 2; the error across it
-    grows with the range.
+    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S and the range r. The unit vector u
+    is along the line of sight, and v is across it. The standard deviation along the line of sight
+    is S / 2; across it, the deviation grows with the range.
     """
     x, y = states[..., 0], states[..., 1]
     distance = np.sqrt(x * x + y * y)
@@ -100,7 +100,7 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Return Gaussians (T, n, 5) of positions (T, n, 2); the mean is drawn by its covariance."""
+    """Return Gaussians (T, n, 5) from positions (T, n, 2), with means drawn by the covariances."""
     packed = covariance_of_a_radar(states, deviation, area)
     xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
@@ -122,7 +122,7 @@ def miss(states: Floats, detection: float, rng: np.random.Generator) -> Floats:
 
 
 def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
-    """Exchange the two tracks of an encounter from its closest step on, with this probability."""
+    """Exchange, with this probability, the two tracks of an encounter from its closest step on."""
     chosen = meetings[rng.random(len(meetings)) < probability]
     chosen = chosen[np.argsort(chosen[:, 4], kind="stable")]
     track = np.arange(states.shape[1])  # track of each target, up to the next swap

@@ -168,8 +168,8 @@ def test_the_offset_that_is_proposed_works(invoke: Run, write: Write) -> None:
     second = write("e.csv", table(estimate, estimate.times * 3.0 + 3600, iso=True))
     done = invoke(first, second, "-c", "10", "-g", "5")
     assert "be 3600 s ahead (+/- " in done.err
-    assert "use --time-offset -3600;" in done.err
-    assert "use --time-offset -3600;" in invoke(first, second, "--time-offset", "-90").err
+    assert "use --time-offset -3600." in done.err
+    assert "use --time-offset -3600." in invoke(first, second, "--time-offset", "-90").err
     assert (
         "warning" not in invoke(first, second, "-c", "10", "-g", "5", "--time-offset", "-3600").err
     )

@@ -40,8 +40,12 @@ STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
     "feet": ("unit-scale", lambda x: x / 0.3048, "3.28084 times too large"),
     "swapped": ("axis-swap", lambda x: x[:, ::-1], "estimate_columns=('x=HEADER', 'y=HEADER')"),
     "turned": ("axis-swap", lambda x: x[:, ::-1] * [1, -1], "with x negated"),
-    "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated: "),
-    "image": ("axis-sign", lambda x: np.add(x * [1, -1], [0, 480]), "about another origin"),
+    "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated; "),
+    "image": (
+        "axis-sign",
+        lambda x: np.add(x * [1, -1], [0, 480]),
+        "the origin of the estimate differs",
+    ),
     "far": ("offset", lambda x: np.add(x, [5e5, 5e6]), "displaced by (500000, 5000000) in x,y"),
     "exact": ("offset", lambda x: x + 700.0, "displaced by (700, 700) in x,y"),
     "biased": ("offset", lambda x: np.add(x, [3, 4]), "displaced by (2.965, 3.911) in x,y"),
@@ -171,7 +175,7 @@ def test_late_where_most_are_missed(speed: float) -> None:
     assert [notice.code for notice in late] == ["clock-shift"] * (speed > 1)
     for notice in late:
         assert "be 1 ahead (+/- 0.0" in notice.text
-        assert "a constant offset along the direction of travel looks the same" in notice.remedy
+        assert "A constant offset along the direction of travel looks the same" in notice.remedy
 
 
 TRACKERS = {

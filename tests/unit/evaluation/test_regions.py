@@ -209,7 +209,7 @@ def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
         ("t,t\n0,0\n", "line 1: columns are missing or duplicate"),
         ("left\n", "line 1: columns are missing or duplicate"),
         ("t,x,y\n", "line 1: columns are missing or duplicate"),
-        ("polygon\n0 0; 1 1; 1 0; 0 1\n", "line 2: a polygon whose edges cross or overlap"),
+        ("polygon\n0 0; 1 1; 1 0; 0 1\n", "line 2: edges of the polygon cross or overlap"),
         ("polygon\n0 0; 4 4; 8 8\n", "line 2: a polygon without area"),
         ("polygon\n0 0; 4 4\n", "line 2: a polygon without area"),
         ("polygon\n0 0; 4; 8 8\n", 'line 2, column "polygon": "0 0; 4; 8 8"; write'),

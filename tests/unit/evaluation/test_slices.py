@@ -223,7 +223,7 @@ def test_every_output_has_them(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--slice", "nothing"], '--slice "nothing": neither side has such a column (found: '),
+        (["--slice", "nothing"], '--slice "nothing": neither side has such a column (there are '),
         (["--slice", "x=3:1"], "edges must increase"),
         (["--slice", "x", "--sweep", "c=1,2"], "--slice is not supported with --sweep"),
     ],
@@ -239,7 +239,7 @@ def test_errors_of_the_command_line(
 def test_sums_of_results_need_edges(quickstart: tuple[str, str]) -> None:
     parts = {name: evaluate(*quickstart, 10, 2, 5) for name in ("near", "far")}
     whole = recast(add_up(parts, [{"rows": 1, "left_out": {}}] * 2, 0.0), ByClass)
-    with pytest.raises(ConfigError, match=r'slices="y": .* need edges: y=:\d+:\d+:\d+:$'):
+    with pytest.raises(ConfigError, match=r'slices="y": .* need edges, such as y=:\d+:\d+:\d+:$'):
         whole.slices("y")
     check_sums(whole, whole.slices("y=0:100:200", "age=5"))
 
@@ -344,7 +344,7 @@ def test_ties_are_said() -> None:
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("lame", r'slices "lame": neither side has such a column \(found: id, lane, t, x, y\)'),
+        ("lame", r'slices "lame": neither side has such a column \(there are id, lane, t, x, y\)'),
         ("", "must be NAME, NAME=EDGES"),
         ("lane=", "must be NAME, NAME=EDGES"),
         ("x=1:0", "edges must increase"),
@@ -354,7 +354,7 @@ def test_ties_are_said() -> None:
         ("lane=L::R", "a value is blank or given twice"),
         ("lane=L:L", "a value is blank or given twice"),
         ("lane=Q", "no such value; the values are L, R"),
-        ("lane=0:1", r'has texts \(L, R\), which have no edges; by value: slices="lane"'),
+        ("lane=0:1", r'has texts \(L, R\), which have no edges; slices="lane" makes'),
         ("lane=weight", r"has texts \(L, R\), which have no weight"),
         ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),
         ("size", "neither side has boxes or columns width and height"),

@@ -70,13 +70,13 @@ STAMPS = [f"2024-05-01T00:00:{k:02}" for k in range(20)]
         (last("id", None), '{b}, {end}, column "id": blank id'),
         (
             lambda f: f.drop(columns="y"),
-            "{b}: read by its columns id, t, x, and {a} by id, t, x, y",
+            "{b}: it has the columns id, t, x, but {a} has id, t, x, y",
         ),
-        (lambda f: f.rename(columns={"id": "mmsi"}), "{b}: read by its columns mmsi, t, x, y, and"),
+        (lambda f: f.rename(columns={"id": "mmsi"}), "{b}: it has the columns mmsi, t, x, y, but"),
         (lambda f: f.drop(columns="t"), "{header}: no column for t (found: id, x, y)"),
         (lambda f: f.assign(t=STAMPS), "{b}: its times are ISO times without zone, and those of"),
         (lambda f: pd.concat([f, BASE[3:5]]), '{b}, {end}: id "3" at t 0 was given before, {a}, '),
-        (lambda f: f.assign(z=1.0), "{b}: read by its columns id, t, x, y, z, and {a} by id, t,"),
+        (lambda f: f.assign(z=1.0), "{b}: it has the columns id, t, x, y, z, but {a} has id, t,"),
     ],
 )
 def test_rows_and_files_are_named(
@@ -106,7 +106,7 @@ def test_integers_that_are_not_exact_beside_decimals(tmp_path: Path, ending: str
         large.to_parquet(folder / "a.parquet")
     else:
         large.to_csv(folder / "a.csv", index=False)
-    with pytest.raises(InputError, match=rf"a\.{ending}: has integer times that are not exact"):
+    with pytest.raises(InputError, match=rf"a\.{ending}: its integer times are too large"):
         read_all(folder)
 
 
@@ -144,7 +144,7 @@ def test_damaged_and_empty_files(tmp_path: Path, rows_together: int) -> None:
     [
         ("b.csv", b"id,t,x,y\n", r"files of two formats, .*a\.parquet, .*b\.csv; write all as"),
         ("gt.txt", b"1,1,2,3,4,5,1,-1,-1,-1\n", r"gt\.txt: looks like motchallenge; only Parquet"),
-        ("README.md", b"words", r"README\.md: is no table by its name; only Parquet and CSV"),
+        ("README.md", b"words", r"README\.md: its name is not that of a table; only"),
         ("b.npz", b"PK\x03\x04", r"b\.npz: looks like npz; only Parquet and CSV"),
         ("b.parquet.gz", gzip.compress(b"PAR1", mtime=0), "a compressed Parquet file; unpack it"),
         ("sample.json", b"[]", "a folder of nuScenes; only Parquet and CSV"),
@@ -167,7 +167,7 @@ def test_particles_and_detections(tmp_path: Path) -> None:
     folder = write(tmp_path / "d", BASE[10:], "parquet")
     for name, part in (("a", BASE[:10]), ("b", BASE[5:])):
         part.assign(weight=0.5).to_parquet(folder / f"{name}.parquet")
-    with pytest.raises(InputError, match=r"weights, as of clouds of particles, which are not read"):
+    with pytest.raises(InputError, match=r"particles of clouds, which are not read"):
         read_all(folder)
     for name, part in (("a", BASE[:10:5]), ("b", BASE[10::5])):
         part.assign(id=-1).to_parquet(folder / f"{name}.parquet")

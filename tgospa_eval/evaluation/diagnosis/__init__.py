@@ -1,8 +1,8 @@
 """Warnings about two sides before anything is solved: clocks, units, axes. Prints nothing.
 
-A warning changes no number. It is raised in three cases. Undoing the fault would at least halve the
-per-step GOSPA cost (for clocks, the cost without objects that are missed or false either way). Or
-pairs are near only by chance. Or a side has values that cannot be intended.
+A warning changes no number. It is raised in three cases: a correction would at least halve the
+per-step GOSPA cost, pairs are near only by chance, or a side has values that cannot be intended.
+For a clock, that cost leaves out objects that are missed or false with both clocks.
 
 `default_notice` states whether default parameters suit the data.
 """
@@ -74,7 +74,7 @@ def diagnose(
 def in_other_axes(notice: Notice, crs: str) -> Notice:
     """Return a warning about exchanged axes, with the axes that undo the exchange as remedy."""
     name, turned = crs[:3], crs[3:]
-    if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem ex"):
+    if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem sw"):
         return notice
     if "negated" in notice.text:
         return notice
@@ -93,8 +93,8 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             where = f"{counted(len(axis.horizon.times), 'step')} of the common clock"
         rest = f", {unused:,} at other timestamps are not compared"
         yield Notice(
-            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two at "
-            f"most {gap.text} apart, {own:,} unchanged"
+            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two states "
+            f"at most {gap.text} apart, {own:,} unchanged"
             f"{rest if unused else ''}"
         )
     if axis.reports is not None:
@@ -121,7 +121,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
 
 
 def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
-    """Warn of declared steps that leave out rows at one end and have no row at the other end."""
+    """Warn of declared steps that seem moved by one: a row is left out, and a step is empty."""
     if matching.steps is None or not any(sides.axis.left_out):
         return []
     ticks = sides.axis.horizon.times
@@ -154,16 +154,16 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
     total, longest = float(outages.lengths.sum()), float(outages.lengths.max())
     longest_of = f", the longest {number(longest, 4)}" if len(outages.lengths) > 1 else ""
     text = (
-        f"the estimate has no state within c of a true object for {number(total, 4)} in "
-        f"{counted(len(outages.lengths), 'silence')}{longest_of}"
+        "the estimate has no state within c of a true object in "
+        f"{counted(len(outages.lengths), 'outage')} of total length {number(total, 4)}{longest_of}"
     )
     states = f"{counted(outages.states, 'state')} of the truth"
     if not outages.counted:
         return [
             Notice(
                 code="silences-not-charged",
-                text=f"{text}: silences do not count, and {states} in them are not evaluated",
-                remedy=f"leave {option('outage', 'none')} out if the tracker should report at "
+                text=f"{text}; outages do not count, so {states} at these times are not evaluated",
+                remedy=f"leave out {option('outage', 'none')} if the tracker should report at "
                 "all times",
             )
         ]
@@ -171,8 +171,8 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
     return [
         Notice(
             code="silences",
-            text=f"{text}: {states} in them are missed, cost {number(cost)}",
-            remedy=f"{option('outage', 'none')} if the tracker reports only when it sees something",
+            text=f"{text}; {states} at these times are missed, which costs {number(cost)}",
+            remedy=f"use {option('outage', 'none')} if the tracker reports only what it sees",
         )
     ]
 
@@ -189,22 +189,22 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
-        f"{matching.gaps[0].text}, {'together ' * (len(lengths) > 1)}"
-        f"{number(float(lengths.sum()), 4)} long, of id {ids}"
+        f"{matching.gaps[0].text}, of total length {number(float(lengths.sum()), 4)}, in the "
+        f"tracks of id {ids}"
     )
     if not states:
         return [Notice(text=text)]
     if request.ignoring is not None and request.ignoring.gaps:
-        near = f"{counted(states, 'estimate state')} near the straight line across"
+        near = f"{counted(states, 'estimate state')} near the straight line across a gap"
         return [Notice(text=f"{text}; by {option('ignore', 'truth-gaps')} {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
             code="truth-gaps",
-            text=f"{text}: {counted(states, 'estimate state')} near the straight line across "
-            f"count as false, cost up to {number(cost)}",
-            remedy=f"{option('ignore', 'truth-gaps')} leaves them out; use a longer "
-            f"{option('max_gap')} if the objects move in straight lines there",
+            text=f"{text}; {counted(states, 'estimate state')} near the straight line across a gap "
+            f"count as false, which costs up to {number(cost)}",
+            remedy=f"{option('ignore', 'truth-gaps')} leaves these states out; if the objects move "
+            f"in straight lines in the gaps, use a longer {option('max_gap')}",
         )
     ]
 
@@ -237,13 +237,13 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
 
 
 MULTIPLE = 3
-"""Factor of the median error; 99.8 % of normal errors in a plane are below the product."""
+"""Suggested cutoff in median errors; 99.8 % of normal errors in a plane are smaller."""
 
 FOLLOWED = 0.75
-"""Smallest share of true states near an estimate with which the median is that of errors."""
+"""Share of true states that must have an estimate nearer than a suggested cutoff."""
 
 LARGEST_MEDIAN = 1e300
-"""Largest median with multiples that are still finite."""
+"""Largest median whose multiples are finite."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of suggested cutoffs."""
@@ -270,12 +270,12 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     if followed < FOLLOWED:
         return None
     reason = (
-        f"{MULTIPLE} times the median distance, {middle:.3g}, rounded up; "
-        f"{100 * followed:.0f} % of the ground-truth states have a nearer estimate"
+        f"{MULTIPLE} times the median distance ({middle:.3g}), rounded up; "
+        f"{100 * followed:.0f} % of the ground-truth states have an estimate nearer than this"
     )
     crowded = float(np.count_nonzero(next_truths < cutoff) / len(near))
     if crowded >= 0.005:
-        reason += f", and {100 * crowded:.0f} % another true object"
+        reason += f", and {100 * crowded:.0f} % have another true object nearer than this"
     return cutoff, reason
 
 
@@ -290,17 +290,17 @@ def _rounded_up(value: float) -> float:
 # Distances to the nearest points, by a compiled loop where the distance is plain.
 
 SAMPLED_STEPS = 100
-"""Numbers of steps, and of true states of a step, whose nearest estimate a notice uses."""
+"""Largest number of steps, and of true states of each step, whose nearest estimate is searched."""
 
 PAIRS_AT_ONCE = 1 << 13
-"""Number of pairs whose distances are computed together, and stay in the cache."""
+"""Number of pairs whose distances are computed together, so that they stay in the cache."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
     """Return the median distance from a true state to the nearest estimate, over up to 100 steps.
 
-    The result is None if no step has both. Both sides must be at the same times.
+    Both sides must be at the same times. The result is None if no step has rows of both sides.
     """
     distance = distance.lower_bound
     sides = truth, estimate
@@ -389,8 +389,8 @@ def unit_notices(unit: str | None) -> Iterator[Notice]:
     if (unit or "").casefold() in METRES:
         yield Notice(
             code="unit-label",
-            text=f"the unit is called {unit}, but box centres of MOTChallenge and KITTI, c and "
-            "gamma are in pixels",
+            text=f"the unit is called {unit}, but box centres of MOTChallenge and KITTI are in "
+            "pixels, and so are c and gamma",
             remedy=f"use {option('unit', 'px')}; for KITTI, {option('columns', 'x,y,z')} "
             "compares positions in metres",
         )

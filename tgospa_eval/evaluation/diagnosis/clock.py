@@ -1,16 +1,17 @@
 """Warnings about times of two sides: timestamps that miss each other, other clocks, other units.
 
-They cost little compared to an evaluation of sound data, because they examine the timestamps and
-some steps at even spacing. The offset of the clock is searched only if these do not fit.
+The tests take little time compared to an evaluation, because they examine the timestamps and some
+steps at even spacing. The offset of the clock is searched only if these steps do not fit.
 
 The clock of the estimate is off by the shift of its timestamps that fits the truth best,
 
     G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
 
-with the truth on straight lines between its states. Pairs near each other at any times give
-candidates, which G refines. A shift is reported only if all other shifts with similar coverage fit
-worse, by more than the variation between stretches of the recording explains. So targets at rest,
-or on a circle, lead to no report.
+where d is the distance of a pair, c the cutoff and p the order. The truth moves on straight lines
+between its states. Candidates are the differences in time of states that are near each other; G
+selects and refines them. A shift is reported only if every other shift with similar coverage fits
+clearly worse, compared to the variation between stretches of the recording. So targets at rest, or
+on a circle, lead to no report.
 """
 
 import math
@@ -64,7 +65,7 @@ ACROSS = 5.0
 """Multiple of the typical time between two states across which a track continues."""
 
 FINER = 16
-"""Largest number of parts of this typical time, for targets that move far in it."""
+"""Largest number of samples in the typical time between two states of a target that moves far."""
 
 
 class Timeline:
@@ -168,7 +169,7 @@ def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tup
 
 
 SAMPLED, SAMPLED_TIMES = 600, 300
-"""Largest numbers of examined rows of the estimate, and of examined steps."""
+"""Largest number of examined rows of the estimate; largest number of examined steps."""
 
 PAIRS = 1_000_000
 """Number of examined near pairs."""
@@ -177,13 +178,13 @@ CANDIDATES = 32
 """Largest number of candidate shifts."""
 
 PROMISING = 0.4
-"""Share of the largest gain from which a shift is refined."""
+"""A shift is refined if its gain is at least this share of the largest gain."""
 
 HALVINGS = 7
-"""Halvings of the time between samples, down to the smallest difference of shifts."""
+"""The smallest difference of shifts is the time between samples, halved this number of times."""
 
 DOUBLINGS = 5
-"""Doublings of this time, up to the largest difference of shifts compared around the best."""
+"""Shifts are compared around the best one up to the time between samples, doubled this often."""
 
 STRETCHES = 20
 """Number of stretches of the recording whose gains are compared."""
@@ -192,13 +193,13 @@ SIGNIFICANT = 4.0
 """Number of standard errors by which any other shift must be worse."""
 
 LOCAL = 6.0
-"""Multiple of the uncertainty beyond which a rival is another maximum, so nothing is reported."""
+"""If a rival is this multiple of the uncertainty away, it is another maximum: no report."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Shares of the steps within the truth, and of their gain, that make another shift a rival."""
+"""Share of the steps of the best shift that a rival must have; share of the gain at these steps."""
 
 ROBUST = 16.0
-"""Multiple of the median (d / c)^p beyond which pairs say little about small shifts."""
+"""A sharp fit counts pairs only up to this multiple of the median (d / c)^p."""
 
 MIN_ERROR = 1 / 400
 """Smallest (d / c)^p that counts; smaller errors are raised to it."""
@@ -267,7 +268,7 @@ class Fit:
     def excels(self, other: "Fit") -> bool:
         """Return whether this fit is better than another one where both are within the truth.
 
-        It also is if the other fit has too few of these steps, or a far smaller gain there.
+        It also is better if the other fit has too few such steps, or a far smaller gain there.
         """
         both = self.inside & other.inside
         if (
@@ -279,16 +280,16 @@ class Fit:
 
 
 STARTS, ROUNDS = 6, 6
-"""Number of shifts from which a displacement is searched, and rounds of least squares."""
+"""Number of shifts from which a displacement is searched; number of rounds of least squares."""
 
 OUTLIERS = 4.0
 """Multiple of the median error beyond which a pair is not used."""
 
 VARIED = 0.02
-"""Share of the squared speeds that is the smallest usable variation of velocities."""
+"""Smallest usable variation of velocities, as a share of the squared speeds."""
 
 SURE = 3.0
-"""Standard errors by which a displacement must differ from 0."""
+"""Number of standard errors by which a displacement must differ from 0."""
 
 
 def sharpest(lost: Floats) -> float:
@@ -385,15 +386,15 @@ class Search:
         shifts : iterable of float
             Additional candidates.
         here : Search, optional
-            Search whose fit without a shift is the present state, if that is on another clock.
+            Search with the present clock of the estimate, if it differs from the clock here.
 
         Returns
         -------
         shift, uncertainty : float
             Time that is added to the timestamps of the estimate, and two of its standard errors.
         saving : float
-            Share of the per-step GOSPA cost that the shift removes, without objects that are missed
-            or false either way.
+            Share of the per-step GOSPA cost that the shift removes. Objects that are missed or
+            false with both clocks are left out.
         """
         tried = [self.fit(shift) for shift in (0.0, *shifts, *self._candidates())]
         moved = self._beside_displacement(tried) if here is None else None
@@ -547,8 +548,9 @@ class Search:
     ) -> tuple[float, float]:
         """Return two standard errors of the shift, and the distance of the farthest rival.
 
-        Near its maximum, G is a parabola plus a line from noise. The loss by a shift, in its own
-        standard errors, grows with the shift and is 1 at two standard errors of the best shift.
+        Near its maximum, G is a parabola plus a line from noise. Consider the loss by a shift from
+        the best one, in standard errors of this loss. It grows with the shift, and is 1 at two
+        standard errors of the best shift.
         """
         widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
@@ -616,10 +618,10 @@ class Search:
 
 
 COMMON_SHARE = 0.9
-"""Share of common steps below which the clocks are probably wrong."""
+"""If the share of common steps is smaller, the clocks are probably wrong."""
 
 NEARLY = 0.01
-"""Share of the median step below which unmatched timestamps are probably the same."""
+"""Timestamps that differ by less than this share of the median step are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
 """Units of timestamps other than seconds, by the power of ten that converts them to seconds."""
@@ -628,16 +630,16 @@ WORTH = 0.5
 """Share of the cost that another clock must save to cause a warning."""
 
 SUSPICIOUS = 3.0
-"""Standard errors from which a better fit one step earlier or later starts a clock search."""
+"""A fit better by this number of standard errors, one step earlier or later, starts a search."""
 
 MOVES = np.array([[1], [-1]])
 """Steps by which the estimate is moved for this test."""
 
 PREFERRED = 2.0
-"""Multiple of the uncertainty within which equal timestamps or a whole hour are preferred."""
+"""Equal timestamps or a whole hour are preferred within this multiple of the uncertainty."""
 
 MINUTE = 60
-"""Seconds; offsets with larger uncertainty are not rounded to whole hours."""
+"""Largest uncertainty, in seconds, of an offset that is rounded to whole hours."""
 
 HOURS = 14
 """Largest difference of time zones in hours."""
@@ -665,7 +667,7 @@ def clock_warnings(
 
 
 def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
-    """Warn of timestamps that share a stretch of time only after scaling by a power of ten."""
+    """Warn of timestamps that overlap in time only after scaling by a power of ten."""
     truth, estimate = (side.times for side in sides)
     if sides[0].clock != "number" or not len(truth) or not len(estimate):
         return None
@@ -680,8 +682,8 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
             scale = float(f"1e{power}")
             return Notice(
                 code="clock-shift",
-                text=f"the files have no time in common; multiplied by {plain(scale)}, the "
-                "timestamps of the estimate cover the same time as the truth",
+                text="the files have no time in common; with the timestamps of the estimate "
+                f"multiplied by {plain(scale)}, both files cover the same time",
                 remedy=option("time_scale", plain(scale)),
             )
     return None
@@ -729,8 +731,8 @@ def _near_misses(
     unshared = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{pairs} nearly the same, at most {named} apart with a median step of "
-        f"{_step_text(min(steps), clock, *times)}; "
+        text=f"{pairs} nearly the same, at most {named} apart (the median step is "
+        f"{_step_text(min(steps), clock, *times)}); "
         f"{counted(unshared, 'timestamp is', 'timestamps are')} in one file only",
         remedy=f"{option('time_tolerance', float(named))} makes each pair one step",
     )
@@ -772,7 +774,8 @@ class ClockError:
     uncertainty : float
         Two standard errors of the offset.
     saving : float
-        Share of the per-step GOSPA cost saved, without objects that are missed or false either way.
+        Share of the per-step GOSPA cost that is saved. Objects that are missed or false with both
+        clocks are left out.
     steps : int
         Number of examined steps.
     """
@@ -786,7 +789,7 @@ class ClockError:
 
 
 def _looks_sound(sample: Sample) -> bool:
-    """Return whether a few common steps fit, and fit no better one step earlier or later."""
+    """Return whether a few common steps fit, and a move by one step fits no better."""
     here = Fit(0.0, sample.here)
     if not here.is_close:
         return False
@@ -926,13 +929,13 @@ def _clock_warning(clock: ClockError, kind: str) -> Notice:
         cures.append(option("time_offset", plain(clock.time_offset)))
     return Notice(
         code="clock-shift",
-        text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: corrected, the "
-        f"per-step GOSPA cost of {counted(clock.steps, 'step')} falls by "
-        f"{min(100 * clock.saving, 99):.0f} %, not counting what is missed or false either "
-        "way",
-        remedy=f"write both files by one clock, or use {' '.join(cures)}; but a tracker's "
-        "latency is an error that should count, and a constant offset along the "
-        "direction of travel looks the same",
+        text=f"the clock of the estimate seems to {_clock_text(clock, kind)}. With a corrected "
+        f"clock, the per-step GOSPA cost of {counted(clock.steps, 'step')} falls by "
+        f"{min(100 * clock.saving, 99):.0f} % (targets that are missed or false with both clocks "
+        "are left out)",
+        remedy=f"write both files by one clock, or use {' '.join(cures)}. Do not correct the "
+        "latency of a tracker, because it is an error that should count. A constant offset "
+        "along the direction of travel looks the same",
     )
 
 

@@ -2,9 +2,9 @@
 
     cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
 
-of m true objects and n estimates (docs/theory/metric.md, "Identities"). The sum of the largest term
-of each true object, or of each estimate, bounds G from above; a greedy choice bounds it from below.
-Assignments are computed only where these bounds do not decide.
+of m true objects and n estimates at distances d, with cutoff c and order p (docs/theory/metric.md,
+"Identities"). G is at most the sum of the largest term of each true object, or of each estimate. A
+greedy choice bounds G from below. Assignments are computed only where both bounds do not decide.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ Rows = tuple[Ints, Ints]
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
-    """Return the sum of the largest gains of true states or of estimates, the smaller one (T,)."""
+    """Return the smaller sum of largest gains: of true states or of estimates, by step (T,)."""
     if kernels is not None:
         gains: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
         return gains
@@ -95,9 +95,9 @@ FIRST_STEPS = 25
 """Number of steps that are examined first."""
 
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
-"""Largest number of rows of either side, and a larger limit to reach `FEWEST_STEPS` steps.
+"""Largest number of rows of either side; larger limit with at most `FEWEST_STEPS` steps.
 
-With fewer steps nothing looks sound, and the search for another clock takes longer."""
+With fewer steps no data look sound, and the search for another clock takes longer."""
 
 SAMPLE_PAIRS = 200_000
 """Largest number of pairs, near or not, at more than `FEWEST_STEPS` steps."""
@@ -193,7 +193,7 @@ FEWEST_TRACKS = 3
 The fault of a single track may be its own error."""
 
 NOTABLE_COST = 1e-3
-"""Smallest share of the cost without assignments that causes a warning, except on rounding."""
+"""Smallest cost that causes a warning (except on rounding), relative to no assignments."""
 
 CHEAPER = 2 / 3
 """Share of the steps that a change must improve; a late start makes only one step costly."""

@@ -40,17 +40,18 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
             warnings.append(
                 Notice(
                     code="empty-side",
-                    text=f"no row of the {name} is evaluated: {meaning}",
-                    remedy="check that this is the right file, and what filters leave of the "
-                    f"{name}",
+                    text=f"no row of the {name} is evaluated, so {meaning}",
+                    remedy="check that this is the right file, and that options such as "
+                    f"{option('time')} or {option('class_')} do not leave out all rows",
                 )
             )
         elif len(side.step) == len(side.ids) > 2 and np.count_nonzero(np.diff(side.step)) > 1:
             warnings.append(
                 Notice(
                     code="single-rows",
-                    text=f"every id of the {name} has a single row: these are detections, not "
-                    "tracks, and each costs half a switch or more at each end",
+                    text=f"every id of the {name} has a single row, so the rows are detections, "
+                    "not tracks; each costs at least half a switch where it begins and where it "
+                    "ends",
                     remedy="an id must be the same at all steps of a track",
                 )
             )
@@ -69,9 +70,9 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
             return [
                 Notice(
                     code="id-types",
-                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are the same "
-                    "number in two spellings, so they count as two tracks",
-                    remedy="write the id in one way",
+                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are one "
+                    "number in two spellings, but they count as two tracks",
+                    remedy="write each id in one way only",
                 )
             ]
     return []
@@ -81,7 +82,7 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
 # Tests whether true states and estimates are near each other more often than by chance.
 
 SOME = 0.35
-"""Share of the possible pairs from which chance is not tested."""
+"""With this share of the possible pairs or more, chance is not tested."""
 
 UNLIKE = 4
 """Ratio of the numbers of rows above which most rows of the larger side have no partner."""
@@ -90,13 +91,13 @@ ENOUGH = 100
 """Smallest number of possible pairs with which chance is tested."""
 
 HARDLY = 1.5
-"""Multiple of the saving by chance up to which pairs may be chance.
+"""Pairs that save at most this multiple of the saving by chance may be chance.
 
 Wrong pairs may save a little more than displaced estimates, some of which leave the scene. Sound
 pairs save more than this multiple if their noise is below the cutoff."""
 
 LITTLE = 0.005
-"""Share of the possible saving from pairs that stay near by moving in the same direction."""
+"""Share of the possible saving by pairs that stay near because they move in one direction."""
 
 MOVES = (3.0, 6.0)
 """Displacements of the estimates along a line, in cutoffs, in both directions."""
@@ -130,8 +131,8 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
         Notice(
             code="nothing-near",
             text=text,
-            remedy="check that both files have the same recording, units, axes and origin; "
-            "choose a larger cutoff if errors may be that large",
+            remedy="check that both files are of one recording, with the same units, axes and "
+            "origin; if errors may be that large, choose a larger cutoff",
         )
     ]
 
@@ -206,9 +207,9 @@ FEWEST_PAIRS = 6
 FITTED = 12
 
 VOTES, EACH = 6_000, 40
-"""Numbers of differences for the search of an offset: in total, and for each estimate of a step.
+"""Numbers of differences in the search for an offset: in total; for each estimate of a step.
 
-The larger result counts. One of the differences of each estimate may be right."""
+The limit that allows more differences counts. At most one of those of an estimate is right."""
 
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
@@ -332,8 +333,8 @@ def _linear(sample: Sample) -> Iterator[_Change]:
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
-                f"of the truth, like {own} next to {other}: with {named} of the estimate times "
-                f"{by:.6g}",
+                f"of the truth, as if in {own} instead of {other}; with {named} of the "
+                f"estimate multiplied by {by:.6g},",
                 remedy="write both files in one unit"
                 + f", or use {way}" * ("degrees" not in units),
                 order=same,
@@ -394,7 +395,7 @@ def _turned(
 
     return _Change(
         code="axis-swap" if moved else "axis-sign",
-        text=f"{text}: corrected,",
+        text=f"{text}; without this fault,",
         remedy="write both files in the same axes" + named * (bool(moved) and not negated),
         order=order,
         factor=signs,
@@ -428,10 +429,10 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
         if order == same and (signs > 0).all():
             yield _moved(columns, offset)
         else:
-            text = plain.text.removesuffix(": corrected,")
+            text = plain.text.removesuffix("; without this fault,")
             yield replace(
                 plain,
-                text=f"{text}, about another origin: corrected,",
+                text=f"{text}, and the origin of the estimate differs; without these faults,",
                 offset=offset,
                 remedy="write both files in the same axes, from the same origin",
             )
@@ -444,9 +445,10 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
     )
     return _Change(
         code="offset",
-        text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: corrected,",
-        remedy="bring both files to one origin; but a bias or a latency of the tracker is an error "
-        "that should count",
+        text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}; without this "
+        "offset,",
+        remedy="bring both files to one origin. Do not correct a bias or a latency of the tracker, "
+        "because they are errors that should count",
         order=tuple(range(size)),
         factor=np.ones(size),
         offset=offset,
