@@ -729,12 +729,15 @@ def _near_misses(
     named = _rounded_up(wide / unit)
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
+    left = unshared - 2 * len(close)
+    are_left = counted(left, "timestamp remains", "timestamps remain")
+    rest = f"; then {are_left} in one file only" if left > 0 else ""
     return Notice(
         code="stamps-near",
         text=f"{pairs} nearly the same, at most {named} apart (the median step is "
         f"{_step_text(min(steps), clock, *times)}); "
         f"{counted(unshared, 'timestamp is', 'timestamps are')} in one file only",
-        remedy=f"{option('time_tolerance', float(named))} makes each pair one step",
+        remedy=f"{option('time_tolerance', float(named))} makes each pair one step{rest}",
     )
 
 
