@@ -218,7 +218,7 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Return whether a file has data, and also the element of a cell if the path names one."""
+    """Return whether a file has data, and has the element of a cell that the path may name."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -252,7 +252,7 @@ def of_layout(
         raise ConfigError(*wrong)
     plan = of_patterns(*shapes, folders, sequences, output)
     left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
-    missing = [f"sequence {name}: no tracker has it together with a truth" for name in sorted(left)]
+    missing = [f"sequence {name}: there is no truth, or no tracker has it" for name in sorted(left)]
     return replace(plan, faults=(*plan.faults, *missing))
 
 
@@ -321,7 +321,7 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
             frames |= _frames_of_seqmap(path, missing) if path and missing else {}
     missing = [name for name in names if frames[name] is None]
     notice = (
-        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: values per step divide by "
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: values per step are divided by "
         "the number of times in the ground truth"
     )
     return replace(
