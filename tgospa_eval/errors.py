@@ -97,7 +97,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that filters leave no row of either file; one of many pairs has the total 0 instead."""
+    """Error that options leave no row to evaluate; in a batch, such a pair has the total 0."""
 
 
 class InputError(TgospaError, ValueError):

@@ -566,7 +566,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):
         path = paths[marked.index(False)]
-        raise ConfigError(f"{path}: has no * for the run, but other results have")
+        raise ConfigError(f"{path}: has no * for the run, but other results have one")
     runs = [
         [saved_result(path) or path for path in (first, *rest)]
         for first, rest in expand(paths[0], paths[1:])

@@ -127,7 +127,8 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """Yield notices of the defaults in use, once for all jobs."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
-        yield f"boxes are compared by their centres (x, y); {option('distance', 'iou')} compares overlap"
+        overlap = option("distance", "iou")
+        yield f"boxes are compared by their centres (x, y); {overlap} compares their overlap"
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
     values = zip(given, as_distance(options.distance).defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
@@ -143,9 +144,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield the progress of the run, if requested, and the values whose accuracy was not
-    reached.
-    """
+    """Yield the progress of the run, if requested, and values without the requested accuracy."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:

@@ -382,7 +382,7 @@ def _group(
             ]
         elif len(mine) > len(common):
             notes.append(
-                f"{where}: {len(mine) - len(common)} runs are left out: they are not in the baseline"
+                f"{where}: {len(mine) - len(common)} runs, not in the baseline, are left out"
             )
         faults += reasons[:1]
         names = common or mine
