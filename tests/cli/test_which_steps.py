@@ -463,7 +463,7 @@ def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None
     assert {one["name"] for one in document["ranking"]} == {"x", "y"}
     assert {point["t"] for point in document["curves"][0]["points"]} == set(range(1, 21))
     assert (
-        "tracker=y sequence=A: 0 rows of the truth and 1 of the estimate are left out: no"
+        "tracker=y sequence=A: 0 rows of the truth and 1 of the estimate are left out: their"
         in answer.err
     )
     # The same of a single evaluation.

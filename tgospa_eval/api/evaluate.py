@@ -56,10 +56,9 @@ def evaluate(
         One of the following:
 
         - a file, or the result of `read_trajectories`
-        - a table with the columns ``id, t, x[, y[, z]]``, of pandas, Polars or another library
-          with the Arrow interface
-        - an array or tensor (T, k, d) of T steps, k trajectories and d state columns, with NaN
-          where an object is absent; or a pair ``(times, array)``
+        - a table ``id, t, x[, y[, z]]`` of pandas, Polars or a library with the Arrow interface
+        - an array or tensor (T, k, d): T steps, k trajectories, d columns; NaN if absent
+        - a pair ``(times, array)`` with such an array
         - a dictionary from id to an array (T, d), or to a pair ``(times, array)``
         - tracks or ground-truth paths of Stone Soup, with the parameter `mapping`
 
