@@ -54,7 +54,7 @@ class ConfigError(TgospaError, ValueError):
 
 
 class MemoryTooSmallError(ConfigError):
-    """Error that the allowed memory is too small; with another limit the work begins again."""
+    """Error that the allowed memory is too small; the work can begin again with another limit."""
 
     @property
     def reason(self) -> str:

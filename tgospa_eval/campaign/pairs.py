@@ -64,7 +64,7 @@ class Job:
     rules : dict of str to tuple of str
         Rules ``fail-on``, ``warn-on`` and ``max`` that the suite of a gate sets.
     fault : str
-        Reason why the pattern finds no files, or why the gate does not judge them.
+        Reason why the pattern matches no files, or why the gate does not judge the job.
     fault_is : str
         Verdict of the gate on a pair with a fault.
     is_new : bool

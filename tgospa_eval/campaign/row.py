@@ -90,7 +90,7 @@ def row_to_judge(result: Evaluation) -> Row:
 
 
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
-    """Sum the parts of localisation, and NEES, over the rows; each only if all rows have it."""
+    """Sum the parts of localisation, and NEES, over the rows; each only if no row lacks it."""
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
     nees = NeesSums.joined(filter(None, each)) if all(each) else None

@@ -55,7 +55,7 @@ Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """Return the groups of a suite, or one made from the options of the command line.
+    """Return the groups of a suite, or the group that the options of the command line define.
 
     Raises
     ------

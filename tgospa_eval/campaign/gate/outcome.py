@@ -63,9 +63,9 @@ class PairOutcome:
     status : int
         Exit status.
     findings : tuple of Finding
-        One for each rule.
+        A finding for each rule.
     changes : mapping of str to pair of float
-        Values before and after an update, by path; None for a value that does not exist.
+        Values before and after an update, by path; None for a missing value.
     notes : tuple of str
         Reasons and remedies for the user.
     seconds : float
@@ -129,7 +129,7 @@ class Report:
     baseline : str
         Path of the baseline.
     outcomes : tuple of PairOutcome
-        Outcomes in the order of the suite, those of groups first.
+        Outcomes of groups, then those of pairs in the order of the suite.
     version : str
         Version of the program.
     again : tuple of str
