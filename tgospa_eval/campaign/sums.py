@@ -638,7 +638,7 @@ class _Runs:
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Return root mean squares of costs (R,), and their band; `bounds` are those of the costs."""
+        """Return root mean squares of costs (R,), and their band; `bounds` are of the costs."""
         band = None
         if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
