@@ -54,7 +54,7 @@ class ConfigError(TgospaError, ValueError):
 
 
 class MemoryTooSmallError(ConfigError):
-    """Error that the allowed memory is too small; with another limit the work begins again."""
+    """Error that the allowed memory is too small; the work can begin again with another limit."""
 
     @property
     def reason(self) -> str:
@@ -97,7 +97,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that filters leave no row of either file; one of many pairs has the total 0 instead."""
+    """Error that options leave no row to evaluate; in a batch, such a pair has the total 0."""
 
 
 class InputError(TgospaError, ValueError):

@@ -187,7 +187,7 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
         ),
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
-        (("batch", "report"), "takes one folder: a store"),
+        (("batch", "report"), "takes one folder: the -o of a batch"),
         (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report"),
     ],
 )
@@ -273,7 +273,10 @@ def test_sample_benchmark_ranks_two_trackers_without_options(
     assert answer.status == 0
     totals = {group["tracker"]: group["total"] for group in json.loads(answer.out)["groups"]}
     assert totals["careful"] < totals["eager"]
-    assert "boxes are compared by their centres (x, y); overlap: --distance iou" in answer.err
+    assert (
+        "boxes are compared by their centres (x, y); --distance iou compares their overlap"
+        in answer.err
+    )
     assert "default c = 10 and gamma = 2; choose with --cutoff and --switch-penalty" in answer.err
     each = invoke("batch", "report", "r", "--by", "sequence,tracker", "--format", "json").out
     found = {(g["sequence"], g["tracker"]): g["total"] for g in json.loads(each)["groups"]}
@@ -377,7 +380,7 @@ def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: P
     assert "Statistical order, 6 pairs: a is significantly better than all others" in text
     assert max(map(len, text.splitlines())) <= 80
     # Runs have truths of their own: nobody compares them, unless asked to.
-    note = "run is not ranked: no truth is evaluated with all its values"
+    note = "run is not ranked: no truth has a job for each value of run"
     assert note in invoke("batch", "report", "r", "--by", "run").out
     by_both = json.loads(invoke("batch", "report", "r", "--by", "tracker,run,tracker", "--format",
                                 "json").out)  # fmt: skip

@@ -61,7 +61,7 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert invoke(*files, *METRIC, "-o", str(one), "--pictures", "none").status == 0
     answer = invoke(*folders, *METRIC, "-o", str(one), "--memory", "400MB", "--pictures", "png")
     assert (answer.status, answer.out[:9]) == (0, "TGOSPA = ")
-    assert "truth is a folder of tables: it is read in parts" in answer.err
+    assert "truth is a folder of tables: the data are read in parts" in answer.err
     assert "wrote 8 files and 2 pictures" in answer.err
     assert "removed 5 of an earlier run" in answer.err
     there = {path.relative_to(one).as_posix() for path in one.rglob("*") if path.is_file()}
@@ -148,7 +148,7 @@ def test_compressed_texts_in_any_order_with_times_that_are_texts(
     folder, file = str(tmp_path / "truth"), str(tmp_path / "truth.csv")
     answer = invoke(folder, file, *METRIC, "--memory", "400MB", "-o", str(tmp_path / "out"))
     assert "TGOSPA = 0, exact" in answer.out
-    assert "truth is a folder, and --memory is given: it is read in parts" in answer.err
+    assert "truth is a folder, and --memory is given: the data are read in parts" in answer.err
     shown = pq.read_table(tmp_path / "out" / "per_step.parquet")["t"].to_pylist()
     assert shown == sorted(set(table["t"]))
 
@@ -655,7 +655,7 @@ def test_files_whose_near_pairs_take_more_are_read_in_parts(
     monkeypatch.setattr(memory, "BYTES_COMPARED", (40, 10**6))
     answer = invoke(*files, *asked)
     assert re.search(r"[\d,]+ near pairs of objects need about .* more than --memory", answer.err)
-    assert "it is read in parts" in answer.err
+    assert "the data are read in parts" in answer.err
     document = json.loads(answer.out)
     assert document["total"] == pytest.approx(plain["total"], rel=1e-12)
     result = evaluate(*files, 100, 2, 50, memory="400MB")

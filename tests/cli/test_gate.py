@@ -239,7 +239,7 @@ def test_other_truth(gate: Invoke, write: Write) -> None:
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4,0.001"))
     answer = gate()
     assert answer.status == 2
-    assert "not judged on the same truth: its states changed, as many as before" in answer.out
+    assert "not judged on the same truth: its states changed, but not their number" in answer.out
     assert "--resample" not in answer.out
     # The same numbers in another text are the same truth.
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4.0,0e0").replace("\n", "\r\n"))
@@ -284,7 +284,7 @@ def test_missing_baseline_says_how_to_make_it(invoke: Invoke, write: Write) -> N
     typed = ("gate", "t.csv", "my e.csv", "--baseline", "new/b.json", "-c", "4", "-q")
     answer = invoke(*typed)
     assert answer.status == 2
-    assert "no such file: new/b.json" in answer.out
+    assert "the baseline new/b.json does not exist; --update-baseline makes it" in answer.out
     command = "tgospa-eval gate t.csv 'my e.csv' --baseline new/b.json -c 4 -q --update-baseline"
     assert f"\n  {command}\n" in answer.out
     assert invoke(*typed, "--update-baseline").status == 0

@@ -230,7 +230,7 @@ def test_runs_that_the_baseline_lacks_count_for_nothing(gate: Invoke) -> None:
     runs(-0.9, 3, seeds=range(6, 16))
     answer = gate("--format", "json")
     assert answer.status == 1
-    assert groups(answer)["all"]["notes"][0].endswith("10 runs are not in the baseline: left out")
+    assert groups(answer)["all"]["notes"][0].endswith("10 runs, not in the baseline, are left out")
     subprocess.run(["rm", "-r", "data/slow/2"], check=True)
     assert groups(gate("--format", "json"))["slow"]["verdict"] == "not comparable"
 
@@ -265,7 +265,7 @@ def test_without_seeds_a_group_is_judged_by_its_bracket(invoke: Invoke, tmp_path
     subprocess.run(["rm", "-r", "data/slow/1", "data/fast/1", "data/dense/1"], check=True)
     answer = invoke(*arguments)  # one run of each, with another seed: nothing is known
     assert answer.status == 2
-    assert "one run of each" in groups(answer)["all"]["notes"][0]
+    assert "each scene has only one run" in groups(answer)["all"]["notes"][0]
 
 
 def test_a_group_with_a_run_that_fails_is_not_judged(gate: Invoke) -> None:
@@ -306,7 +306,7 @@ def test_groups_on_the_command_line_and_of_batches(gate: Invoke, invoke: Invoke)
     ("text", "said"),
     [
         ('[[group]]\nname = "{site}"\n', '"{site}": {site} is in no pattern of a pair'),
-        ('[[group]]\nname = "{seed}"\n', "runs of a group differ in {seed}"),
+        ('[[group]]\nname = "{seed}"\n', "has {seed}, in which its runs differ"),
         ('[[group]]\nseed = "run"\n', "no pattern of a pair has {run}"),
         ('[[group]]\nname = "{scene"\n', "a brace without a label"),
         ("[[group]]\n[[group]]\n", 'two groups have the name "all"'),
@@ -784,7 +784,7 @@ def test_limits_alone_need_no_baseline_of_the_target(against: Invoke) -> None:
     shutil.rmtree("data/slow/1")
     answer = against()
     assert answer.status == 3
-    assert "data/slow/1/truth.csv: there is no such file, and main has it" in answer.err
+    assert "data/slow/1/truth.csv: this branch lacks the file, but main has it" in answer.err
     runs(3, 1)
     assert against().status == 1
     shutil.rmtree("out/slow")
@@ -839,7 +839,7 @@ def test_variables_count_for_nothing(
     answer = invoke("gate", "--suite", "suite.toml", "--against", "main")
     assert answer.status == 1
     assert "TGOSPA_EVAL_CUTOFF" in answer.err
-    assert "ignored; main judges" in answer.err
+    assert "ignored, because main judges" in answer.err
     assert invoke("gate", "--against", "main", "-q").status == 2  # no suite is named
     for name in values:
         monkeypatch.delenv(f"TGOSPA_EVAL_{name}")
@@ -1065,7 +1065,7 @@ def test_estimates_without_a_truth_are_reported(gate: Invoke, invoke: Invoke) ->
     write("out/slow/9.csv", "id,t,x,y\n")
     answer = invoke("gate", "--suite", "suite.toml")
     assert (
-        'out/slow/9.csv: no truth is like "data/{scene}/{seed}/truth.csv": not judged' in answer.err
+        'out/slow/9.csv: not judged: no truth matches "data/{scene}/{seed}/truth.csv"' in answer.err
     )
 
 

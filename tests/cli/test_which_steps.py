@@ -316,7 +316,7 @@ def test_a_class_that_a_sequence_has_not_is_nothing(tmp_path: Path, invoke: Invo
     batch = ("batch", "--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", *GIVEN)
     answer = invoke(*batch, "--class", "bike", "-o", "bikes")
     assert answer.status == 0
-    assert "no row is left to evaluate in 1 of 2 jobs: a total of 0" in answer.err
+    assert "no row is left to evaluate in 1 of 2 jobs: total 0" in answer.err
     rows = pd.read_parquet("bikes/jobs")
     assert rows["judged.steps"].tolist() == [2, 2]
     answer = invoke(*batch, "--class", "train", "-o", "trains")
@@ -466,7 +466,7 @@ def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None
     assert {one["name"] for one in document["ranking"]} == {"x", "y"}
     assert {point["t"] for point in document["curves"][0]["points"]} == set(range(1, 21))
     assert (
-        "tracker=y sequence=A: 0 rows of the truth and 1 of the estimate are left out: no"
+        "tracker=y sequence=A: 0 rows of the truth and 1 of the estimate are left out: their"
         in answer.err
     )
     # The same of a single evaluation.
@@ -537,7 +537,7 @@ def test_a_seqinfo_without_meaning_is_named(invoke: Invoke, length: str, message
 def test_sequences_without_a_length_keep_the_steps_of_their_truth(invoke: Invoke) -> None:
     Path("gt/A/seqinfo.ini").write_text("\ufeff[Sequence]\r\nname=A\r\n", encoding="utf-8")
     answer = invoke(*MOT)
-    notice = "gt: no seqinfo.ini with seqLength for A: values per step divide by the number of"
+    notice = "gt: no seqinfo.ini with seqLength for A: values per step are divided by the"
     assert answer.status == 0
     assert answer.err.count(notice) == 1
     assert jobs(answer)["judged.steps"].tolist() == [3, 20, 3, 20]

@@ -74,20 +74,20 @@ FAULTS_SHOWN = 10
 """Faults that are shown."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
-"""Options that say which steps count, in place of what a benchmark declares."""
+"""Options that say which steps count; they replace the steps that a benchmark declares."""
 
 FLUSH, SHARE = 2.0, 0.01
-"""Seconds, or share of the time so far if that is longer, after which rows are written. A killed
-process loses no more work than that."""
+"""Rows are written after `FLUSH` seconds, or after the share `SHARE` of the time so far if that is
+longer. A killed process loses no more work than that."""
 
 MAX_PENDING_STEPS = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
 
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
-"""Columns that are 0 in an evaluation of nothing."""
+"""Columns that are 0 if there was nothing to evaluate."""
 
 OF_ONE = ("by", "jobs", *OF_EVALUATE)
-"""Options of an evaluation that are not for many, or that `batch` has in another form."""
+"""Options of a single evaluation that `batch` lacks or has in another form."""
 
 Notify = Callable[[str], object]
 
@@ -126,7 +126,7 @@ class Batch(StudyReport):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the data of jobs, a line for each kind, and about the order."""
+        """A line for each kind of warning about data, and warnings about the ranking."""
         return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
@@ -219,22 +219,23 @@ def batch(
     force: bool = False,
     **options: "Unpack[BatchEvaluationOptions]",
 ) -> Batch:
-    """Evaluate many pairs, of files or in memory, as ``tgospa-eval batch`` does.
+    """Evaluate many pairs of truth and estimate, as ``tgospa-eval batch`` does.
 
     Jobs that are stored in `output` are not evaluated again.
 
     Parameters
     ----------
     *paths : str or path
-        A manifest; or the folders of truth and trackers, with `layout`; or `truth` and `estimate`
-        in memory.
+        The path of a manifest. With `layout`: the folder of the truth, and the folder of the
+        trackers. For data in memory: the truth, and the estimate.
     output : str or path, optional
         Folder of the store. Without it, rows are only returned.
     truth, estimate : str, or sides in memory, optional
         Instead of `paths`, patterns with fields: ``"gt/{run}.csv"``. Or runs in memory: a list of
-        sides as for `evaluate`, an array (runs, T, k, d), a pair of times and such an array, or a
-        table with a column ``run``. The truth may be one side for all runs; the estimate may be a
-        mapping from tracker to runs. Jobs of runs have the labels ``tracker`` and ``run``.
+        sides as for `evaluate`; an array (runs, T, k, d) with T steps, k trajectories and d state
+        columns, or a pair of times and such an array; or a table with a column ``run``. The truth
+        may be one side for all runs; the estimate may be a mapping from tracker to runs. Jobs of
+        runs have the labels ``tracker`` and ``run``.
     mapping : sequence of int, or pair of such, optional
         Components to compare in runs in memory, as in `evaluate`.
     layout : {"motchallenge", "kitti"}, optional
@@ -267,7 +268,7 @@ def batch(
     Warns
     -----
     TgospaWarning
-        Files are missing, with `allow_missing`; or the page cannot be written.
+        `allow_missing` is true and files are missing; or the page cannot be written.
 
     Raises
     ------
@@ -294,7 +295,9 @@ def batch(
     elif mapping is not None:
         raise ConfigError(f"{option('mapping')} is for tracks and arrays in memory")
     if output is None and reports:
-        raise ConfigError(f"{option('reports')} needs {option('output')}, where they are written")
+        raise ConfigError(
+            f"{option('reports')} needs {option('output')}, the folder to write them to"
+        )
     given |= {
         **{
             role: os.fspath(side) if is_path(side) else None if side is None else IN_MEMORY
@@ -382,7 +385,7 @@ def evaluate_batch(
         faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
     elif nothing and not faults:
         notices.append(
-            f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
+            f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: total 0"
         )
     listed = read_manifest(store.folder, BATCH.name) or ()
     names = {name for name, *_ in listed}
@@ -404,7 +407,7 @@ def _check_options(batch: BatchOptions) -> None:
     Raises
     ------
     ConfigError
-        They do not, or one has no meaning.
+        Options contradict each other, or an option has no effect.
     """
     options = batch.evaluation
     if batch.proof and not batch.reports:
@@ -472,7 +475,7 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
 
 
 def _within(job: Job, time: str | None) -> Job:
-    """Return the job with those of its frames that are within --time.
+    """Return the job with only the frames that are within --time.
 
     Raises
     ------
@@ -488,12 +491,12 @@ def _within(job: Job, time: str | None) -> Job:
 
 
 def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None:
-    """List what is missing; without --allow-missing nothing is begun.
+    """List what is missing; without --allow-missing no job is begun.
 
     Raises
     ------
     ConfigError
-        Something is missing, or everything.
+        Something is missing without --allow-missing, or there are no jobs.
     """
     lines = [*plan.faults[:FAULTS_SHOWN]]
     if len(plan.faults) > FAULTS_SHOWN:
@@ -530,7 +533,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """Yield the jobs with their options and keys; jobs without own options share one record."""
+    """Yield the jobs with their options and keys; jobs without options of their own share one."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)
@@ -570,10 +573,10 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask
 def _left_over(
     tasks: Iterable[batch_row.JobTask], before: "pd.DataFrame", *, retry_failed: bool
 ) -> Iterator[batch_row.JobTask]:
-    """Yield what is not done, and what lacks something that is requested beside its row.
+    """Yield the tasks that are not done, and tasks that lack requested steps, curves or folders.
 
-    If the old row of a task has steps or a curve, they are stored again, as the new row replaces
-    the old one.
+    A new row replaces the old row of its task. If the old row has steps or a curve, these are
+    therefore stored again.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -595,7 +598,7 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Return the bytes of both files: the largest jobs come first, so that none ends last."""
+    """Return the bytes of both files; large jobs begin first, so that none runs alone at last."""
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
@@ -606,12 +609,12 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
     Returns
     -------
     list of Row
-        Those that failed.
+        Rows of jobs that failed.
 
     Raises
     ------
     ConfigError
-        A worker does not see a file that is there.
+        A worker does not see a file that this machine sees.
     """
     pending: list[Row] = []
     faults: list[Row] = []
@@ -647,7 +650,7 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
 
 
 def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:
-    """Yield a line for each job that has no value, or lacks something that was requested.
+    """Yield a line for each job that has no value or lacks a requested output.
 
     Parameters
     ----------
@@ -670,7 +673,7 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:
-    """Yield how many rows are at none of the declared steps, if any are."""
+    """Yield a message if times of rows are not among the declared steps."""
     counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
     some = done[(counts > 0).any(axis=1)].to_dict("records")
     if some:
@@ -678,7 +681,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
         rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
             f"{job_in_words(some[0])}{rest}: {counted(of_truth, 'row')} of the truth and "
-            f"{of_estimate:,} of the estimate are left out: no step that is declared has their time"
+            f"{of_estimate:,} of the estimate are left out: their times are not declared steps"
         )
 
 

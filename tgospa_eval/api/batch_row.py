@@ -66,15 +66,16 @@ class JobTask:
         Whether to write the proof.
     per_step : bool
         Whether to store the costs of its steps.
-    base, store : str
-        Folder of relative paths, and the settings of the batch, which a worker sees only if it
-        shares the file system.
+    base : str
+        Folder to which paths are relative.
+    store : str
+        Settings file of the batch. Only a worker that shares the file system sees it.
     settings_file : SettingsFile, optional
         Configuration file that set options of the batch.
     for_gate : bool
-        Whether the job is for a gate, whose rows have the names of pairs as keys.
+        Whether the job is for a gate. The key of its row is then the name of the pair.
     page, quiet, verbose : bool
-        For a gate, whether to make a page, and which lines to print.
+        Whether a gate makes a page of the job, and which lines it prints.
     """
 
     job: Job
@@ -112,7 +113,8 @@ def key_of(
     files : iterable of str
         Files that are read.
     digest : callable, optional
-        Digest of a file: `digest_of`, or a function that reads the file of many jobs once.
+        Callable that returns the digest of a file. By default `digest_of`; another callable can
+        read a file of many jobs only once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
@@ -146,7 +148,7 @@ def given_text(options: Request) -> str:
 
 
 def files_of(job: Job, options: Request) -> tuple[str, ...]:
-    """Return the files that a job reads; a word instead of a name counts as a missing file."""
+    """Return the files that a job reads; a word instead of a path counts as a missing file."""
     named = (getattr(options, name) for name in NAMING_FILES)
     return (*job.files, *filter(None, named))
 
@@ -156,8 +158,8 @@ def evaluate_job(
 ) -> Row:
     """Return the row of a job; a wrong file or a failed solver makes a row with its message.
 
-    The row of a gate also has the error, the page, and the lines for the user unless `say` receives
-    them at once.
+    The row of a gate also has the error and the page. If there is no `say` that receives the lines
+    for the user at once, the row has these lines, too.
     """
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # lazy: the parent does without
     from tgospa_eval.api.resolve import resolve_request
@@ -327,7 +329,7 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
 # Rows for a gate, from this process or from several.
 
 PATIENCE = 2.0
-"""Seconds of work before processes are started, which takes about as long."""
+"""Seconds of work before processes are started. Starting them takes about as long."""
 
 SHOWN = 10.0
 """Seconds between two lines of progress."""
@@ -336,9 +338,9 @@ SHOWN = 10.0
 def gate_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
 ) -> Iterator[Row]:
-    """Yield rows as they are ready, from this process, and from several if the work takes long.
+    """Yield rows as they are ready; several processes share work that takes long.
 
-    `notify` receives lines, each with the name of its job.
+    `notify` receives the name of a job, or a blank, and a line about it.
     """
     begin = shown = time.monotonic()
     done = 0

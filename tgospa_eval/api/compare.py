@@ -74,12 +74,12 @@ ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """Return the settings of a point in the middle, and the parameters of all points by value.
+    """Return the settings of a point in the middle, and the parameters of all points.
 
     Raises
     ------
     ConfigError, InputError
-        An evaluation raises it; or a value is missing, repeated or out of range.
+        `evaluate` raises it; or a value is missing, repeated or out of range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
@@ -120,9 +120,10 @@ def sweep(
     """Compute TGOSPA over a range of one parameter, each point with proven bounds.
 
     Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values. All other
-    arguments are those of `evaluate`, and each point equals a result of `evaluate`. The near pairs
-    are searched once. The problem is solved once for all values of `rho` if no state is ignored,
-    because `rho` does not change the optimal assignment then. A time limit holds for each point.
+    arguments are those of `evaluate`, and each point equals a result of `evaluate`. Pairs nearer
+    than the cutoff are searched once. If no state is ignored, `rho` does not change the optimal
+    assignment, and the problem is solved once for all values of `rho`. A time limit holds for each
+    point.
 
     Parameters
     ----------
@@ -141,12 +142,13 @@ def sweep(
     Warns
     -----
     TgospaWarning
-        `evaluate` warns for a value in the middle.
+        `evaluate` warns about the data, with one of the middle values.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it; none or several of the four are sequences; or a value is repeated.
+        `evaluate` raises it; not exactly one of the four parameters is a sequence; or a value is
+        repeated.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -157,8 +159,8 @@ def sweep(
     swept = [name for name, value in given.items() if np.ndim(value)]
     if len(swept) != 1:
         raise ConfigError(
-            "one of cutoff, order, switch_penalty and rho must be a sequence of values, the others "
-            f"numbers; {' and '.join(swept) or 'none'} is a sequence"
+            "exactly one of cutoff, order, switch_penalty and rho must be a sequence of values; "
+            f"sequences here: {' and '.join(swept) or 'none'}"
         )
     name = swept[0]
     values = [float(value) for value in given.pop(name)]
@@ -174,7 +176,7 @@ COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
 """Hint of the command's table to another command."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
-"""Estimates or their runs by name, paths, or the runs of one."""
+"""Estimates by name, runs of estimates by name, paths, or the runs of one estimate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -198,7 +200,7 @@ class Compared(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of estimates: proven order, and difference second minus first."""
+        """A row for each pair of estimates: proven order, and second value minus first value."""
         return as_frame(pairs_columns(self.document) if self.document.get("pairs") else {})
 
     @property
@@ -212,7 +214,7 @@ class Compared(StudyReport):
 
     @property
     def plot_data(self) -> object:
-        """Data of the pictures: the document, or times and costs of steps, best first."""
+        """Data of the pictures: for solvers the document, else times and costs, best first."""
         if not self.entrants:
             return self.document
         times, costs = ranking.steps_costs(self.entrants)
@@ -271,11 +273,10 @@ def compare(
     Parameters
     ----------
     truth : path, Trajectories, DataFrame, array, mapping or set of tracks
-        A side as for `evaluate`; or one for each run of the estimates.
+        Truth as for `evaluate`; or a truth for each run of the estimates.
     estimates : mapping from name to estimate or runs, list of paths, or runs of one estimate
-        Estimates to rank, each as for `evaluate`; a file has its path as name. Runs are a list of
-        sides, an array (runs, T, k, d), a pair of times and such an array, or a table with a column
-        ``run``. With `solvers`, a single estimate.
+        Estimates to rank, each as for `evaluate`; the name of a file is its path. Runs are given as
+        for `batch`. With `solvers`, a single estimate.
     cutoff, order, switch_penalty, mapping
         Parameters of `evaluate`, like all other options.
     solvers : sequence of str or solver record
@@ -294,7 +295,7 @@ def compare(
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it, there is no estimate, or a solver is a duplicate.
+        `evaluate` raises it, there is no estimate, or a solver is given twice.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -335,7 +336,7 @@ def _named(estimates: object) -> "Mapping[str, Any]":
     Raises
     ------
     ConfigError
-        They are none.
+        `estimates` has another type, is empty, or repeats a path.
     """
     named: Mapping[str, Any] | None = None
     if isinstance(estimates, Mapping):
@@ -348,8 +349,8 @@ def _named(estimates: object) -> "Mapping[str, Any]":
         named = {"estimate": cast("Runs", estimates)}
     if not named:
         raise ConfigError(
-            "estimates must be a mapping from name to estimate, or a list of different paths; to "
-            "compare solvers on a single estimate: solvers=('certified', 'exact')"
+            "estimates must be a mapping from name to estimate, or a list of different paths; "
+            "solvers=('certified', 'exact') compares solvers on a single estimate"
         )
     return named
 
@@ -361,7 +362,7 @@ def _named(estimates: object) -> "Mapping[str, Any]":
 class PairReader:
     """Reader that makes problems of pairs of truth and estimate.
 
-    Each notice is given once. Successive pairs with the same truth share one reading of it.
+    Each notice is given once. Successive pairs with the same truth share one reading of this truth.
 
     Parameters
     ----------
@@ -374,7 +375,7 @@ class PairReader:
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     warnings_only : bool
-        Whether to pass on warnings alone.
+        Whether `notify` receives only the warnings.
     """
 
     def __init__(
@@ -442,7 +443,7 @@ def ranked(
     per_step: bool = False,
     with_: Sequence[str] = (),
 ) -> Ranked:
-    """Evaluate estimates of one truth, or of that of each run, and rank them.
+    """Evaluate and rank estimates of one truth, or of a truth for each run.
 
     Parameters
     ----------
@@ -454,14 +455,16 @@ def ranked(
         Names of the estimates.
     solver : Solver
         Solver of all problems.
-    per_step, with_ : bool, sequence of str
-        Whether to show per-step GOSPA too, and names of other metrics to show.
+    per_step : bool
+        Whether to show per-step GOSPA too.
+    with_ : sequence of str
+        Names of other metrics to show.
 
     Returns
     -------
     tuple
-        The document and the entrants. After an interruption they have the runs with all estimates,
-        or the estimates of the first run that were begun.
+        The document, and the outcomes by estimate. After an interruption, only runs with all
+        estimates count. If there is no such run, the finished estimates of the first run count.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}
@@ -500,7 +503,7 @@ def solvers_on(
     *,
     spare: bool = False,
 ) -> Json:
-    """Run several solvers on one pair; `spare` omits an exact reference that takes minutes."""
+    """Run several solvers on one pair; `spare` leaves out an exact solver that takes minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
     states = solver_runs.takes_long(prepared) if spare else None
@@ -520,7 +523,7 @@ def solvers_on(
 
 
 # -------------------------------------------------------------------------------------------------
-# Saved results in their order; nothing is solved.
+# Rankings of saved results; nothing is solved.
 
 HEAD = ("files", "input", "parameters", "warnings", "with")
 """Fields of a document that are kept beside the costs."""
@@ -563,7 +566,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):
         path = paths[marked.index(False)]
-        raise ConfigError(f"{path}: has no * for the run, but other results have")
+        raise ConfigError(f"{path}: has no * for the run, but other results have one")
     runs = [
         [saved_result(path) or path for path in (first, *rest)]
         for first, rest in expand(paths[0], paths[1:])
@@ -580,7 +583,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for path, document in zip(group, documents, strict=True):
             wrong = unlike(document["parameters"], heads[0][0]["parameters"])
             texts = [
-                f"{name} is {one}, there {other}"
+                f"{name} is {one}, not {other}"
                 for name, one, other in wrong
                 if name not in OF_THE_ESTIMATE
             ]

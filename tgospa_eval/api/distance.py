@@ -27,7 +27,7 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 
 
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
-    """Return how to reduce; None without a size. Some options are `shared` with the distance.
+    """Return how to reduce, or None without a size; `shared` are options that the distance has too.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
     Raises
     ------
     ConfigError
-        They do not fit each other.
+        Options contradict each other.
     InputError
         The file of a covariance is missing or wrong.
     """
@@ -92,7 +92,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
         if not pairwise or not plain:
             raise ConfigError(
                 f"{option('inner_cov', 'pair')} is not a metric; it is for associate with "
-                "cloud-wasserstein; take global or a file"
+                "cloud-wasserstein; choose global or a file"
             )
         return PairCloudWasserstein(**settings)
     try:
@@ -104,25 +104,25 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
 
 
 def _is_given(value: object, default: object) -> bool:
-    """Return whether somebody chose it; arrays cannot be compared."""
+    """Return whether an option was chosen; an array always was, as it cannot be compared."""
     plain = value is None or isinstance(value, int | str | Sequence | Mapping)
     return not plain or (bool(value) and value != default)
 
 
 class DistanceOptions:
-    """The options of a distance, checked as far as they can be without the columns of the files.
+    """Options of a distance, checked as far as possible before the columns of files are known.
 
     Parameters
     ----------
     options : Request
         Values of the options.
     nees : bool
-        Whether covariances are read for NEES, whatever the distance.
+        Whether covariances are read for NEES, even if the distance does not need them.
 
     Raises
     ------
     ConfigError
-        An option is not understood, or not one of the distance.
+        An option has a wrong value, or is not for this distance.
     InputError
         The covariance file is missing or wrong.
     """
@@ -152,7 +152,7 @@ class DistanceOptions:
             if not is_free and _is_given(getattr(options, name), DEFAULTS[name]):
                 other = "a distance given as a record" if self.is_record else self.named.name
                 way = (
-                    f"; of local axes {option('scale', 'z=W')} is the same"
+                    f"; for local axes, {option('scale', 'z=W')} does the same"
                     if name == "vertical_weight"
                     else ""
                 )
@@ -174,20 +174,23 @@ class DistanceOptions:
 
     @property
     def needed(self) -> tuple[str, ...] | None:
-        """State columns that the distance needs; None where readers find them."""
+        """State columns that the distance needs; None if readers find them."""
         return None if self.boxes else self.named.columns
 
     @staticmethod
     def columns(
         requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """Return state columns to read: those asked for, else those that are needed."""
+        """Return state columns to read: the requested ones, then those that the distance needs."""
         if needed is None or parse_columns(requested)[1]:
             return None if requested is None else tuple(requested)
         return (*(requested or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
-        """Return which states (d, R) the distance cannot compare, if it needs such columns."""
+        """Return which states the distance cannot compare, if it needs these columns.
+
+        `axes` (d, R) has a row for each column and an entry for each state.
+        """
         needed = self.named.columns
         fits = needed is not None and columns[: len(needed)] == needed
         return self.named.fault(axes) if fits else None
@@ -198,7 +201,7 @@ class DistanceOptions:
         Raises
         ------
         ConfigError
-            An option names a column that does not enter the distance, or states are in degrees, and
+            An option names a column that does not enter the distance; or states are in degrees and
             no distance is chosen.
         """
         if not self.chosen and columns[:2] == PLACES:
@@ -214,7 +217,7 @@ class DistanceOptions:
 
 
 WIDE = 1.0
-"""Degrees, 111 km: a larger cutoff was meant in metres."""
+"""Degrees (1 degree is 111 km). A cutoff of this or more was probably meant in metres."""
 
 
 def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
@@ -242,7 +245,7 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
 
 
 def _with(distance: Distance, **settings: object) -> Distance:
-    """Return the same distance with other settings, which are those of its type."""
+    """Return the distance with changed settings; its type must have these settings."""
     record: Any = distance
     changed: Distance = replace(record, **settings) if settings else record
     return changed

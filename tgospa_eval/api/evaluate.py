@@ -53,17 +53,23 @@ def evaluate(
     Parameters
     ----------
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        A file, or the result of `read_trajectories`; a table of pandas, Polars or another library
-        with the Arrow interface, in the long form ``id, t, x[, y[, z]]``; an array or tensor
-        (T, k, d) with NaN where an object is absent, or a pair ``(times, array)``; a mapping from
-        id to an array (T, d) or to a pair ``(times, array)``; tracks or ground-truth paths of Stone
-        Soup (see `mapping`). Arrays and tables have the state columns that the distance needs.
+        One of the following:
+
+        - a file, or the result of `read_trajectories`
+        - a table ``id, t, x[, y[, z]]`` of pandas, Polars or a library with the Arrow interface
+        - an array or tensor (T, k, d): T steps, k trajectories, d columns; NaN if absent
+        - a pair ``(times, array)`` with such an array
+        - a dictionary from id to an array (T, d), or to a pair ``(times, array)``
+        - tracks or ground-truth paths of Stone Soup, with the parameter `mapping`
+
+        Arrays and tables have the state columns that the distance needs.
     cutoff : float, optional
-        c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
+        Cutoff c > 0, in the unit of the distance. The default is 10.0, or 0.5 with ``"iou"``.
     order : float
-        p >= 1.
+        Order p >= 1.
     switch_penalty : float, optional
-        gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
+        Switch penalty gamma >= 0, in the unit of the distance. The default is 2.0, or 0.5 with
+        ``"iou"``.
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors: ``(0, 2)`` selects x and y of
         ``(x, vx, y, vy)``. A pair of such sequences selects different components of truth and
@@ -178,13 +184,13 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable that receives each notice, from the command line. Then a folder or a pattern is
-        refused with a command that reads it.
+        Callable of the command line that receives each notice. If it is given, the error about a
+        folder or a pattern has a command that reads the files in it.
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors.
     known : dict, optional
-        Cache that is changed in place: the last truth by its path. Pass the same dict for several
-        estimates to read their truth once.
+        Cache with the truth that was read last, by its path; it is changed in place. Pass the same
+        dict for several estimates to read their truth once.
 
     Raises
     ------
@@ -210,7 +216,7 @@ def noticed(
 ) -> TrackPair:
     """Return two sides that were read and aligned, with notices about them.
 
-    `sound` is true if clocks and states were checked before: the diagnosis is skipped.
+    If `sound` is true, clocks and states were checked before, and are not diagnosed again.
     """
     names = display_names(given)
     notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
@@ -293,7 +299,7 @@ def evaluate_pair(
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
     """Evaluate each class, and add them up."""
-    # Settings that a distance derives from the data are those of all classes.
+    # A distance may derive settings from the data: here from the data of all classes together.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()

@@ -41,13 +41,13 @@ CHUNK = 100
 """Pairs that are evaluated together."""
 
 SMALL = 10_000
-"""States of both sides up to which a pair is evaluated with others: larger ones gain nothing."""
+"""Largest number of states of a pair that is evaluated together with other pairs."""
 
 FEW = 3
 """Runs that a warning names."""
 
 SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_states")
-"""Columns with the steps of both sides, those of the value per step, the states of either side."""
+"""Columns with numbers: all steps, steps of the horizon, true states, estimated states."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -212,7 +212,7 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
     Raises
     ------
     InputError
-        There is none, or something is no pair.
+        There is no pair, or an item is not a pair.
     """
     if estimate is not None:
         if any(
@@ -244,7 +244,7 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
 
 
 def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, list[Numbers]]]:
-    """Yield the numbers of chunks, made here at first, and in processes if that takes long."""
+    """Yield the numbers of each chunk; several processes share work that takes long."""
     begin = time.monotonic()
     for done, chunk in enumerate(chunks):
         left = len(chunks) - done
@@ -258,7 +258,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Return the row and warnings of each of some pairs."""
+    """Return the row and warnings of each pair of a chunk."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []

@@ -91,7 +91,8 @@ def judge_all(
     gate : GateOptions
         Rules and baseline.
     truth, estimate : str, optional
-        Two files; or the store of the baseline, if one is given, and the store to judge.
+        Two files. Or two stores: that of the baseline, and the one to judge. Or only a store to
+        judge.
     notify : callable
         Callable that receives lines for the user.
     run : callable, optional
@@ -136,7 +137,7 @@ def judge_all(
 
 
 def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
-    """Judge the jobs of a store, by those of another or by a file."""
+    """Judge the jobs of a store by the jobs of another store or by a baseline file."""
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
             raise ConfigError(f"{option(name)} is for files and suites, not for stores")
@@ -167,7 +168,7 @@ def _with_first_changes(
     path: str,
     target: Target | None,
 ) -> Report:
-    """Add the first state of truths that changed, where git has the former files."""
+    """Add the first changed state of each changed truth, if git has the earlier file."""
     there = {pair.name: pair for pair in pairs}
     outcomes = list(report.outcomes)
     changed = [
@@ -190,7 +191,7 @@ def _with_first_changes(
 
 
 MAX_CHANGES = 10
-"""Truths that changed of which the first state is looked for."""
+"""Largest number of changed truths whose first changed state is searched."""
 
 
 def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
@@ -232,7 +233,7 @@ def _with_faults(
     old: Baseline | None,
     path: str,
 ) -> Iterator[Job]:
-    """Yield the pairs; those whose files are not the target's have a fault, or are new."""
+    """Yield the pairs, with a fault if a file is not as in the target, and marks of new pairs."""
     known, tables = old or {}, judge_pairs.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
 
@@ -249,7 +250,7 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # Of a scene that the target knows, runs with other seeds are judged in their group.
+        # Runs with other seeds are judged in their group if the target knows their scene.
         in_group = target.has(pair.truth) and scene(pair.labels) in scenes
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
@@ -262,7 +263,7 @@ def _pairs(
     notify: Callable[[str], None],
     target: Target | None,
 ) -> tuple[list[Job], list[GroupTable], str | None]:
-    """Return the pairs, of two files or a suite; groups and the baseline of the suite."""
+    """Return the pair of two files or the pairs of a suite; then its groups and its baseline."""
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources.get("suite") == "commandline":
@@ -290,7 +291,7 @@ def _evaluated(
     notify: Callable[[str], None],
     run: Run | None,
 ) -> Iterator[judge_pairs.Evaluated]:
-    """Yield pairs of files, read and evaluated, by processes where that takes long."""
+    """Evaluate pairs of files, and yield their rows; several processes share long work."""
     given: dict[str, dict[str, object]] = {}
     tasks: list[JobTask] = []
     waiting: dict[str, Row] = {}
@@ -328,7 +329,7 @@ def _evaluated(
 
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
-    """Return options that a baseline has in any case, those that follow from the data included."""
+    """Return options that a baseline always records, even defaults and values from the data."""
     parameters = json.loads(row["parameters"])
     period = {"period": str(parameters["period"])} if "period" in parameters else {}
     return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
@@ -374,7 +375,7 @@ def _task(
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
     """Return options as a baseline records them: lists as texts, paths relative to its folder.
 
-    From another drive there is no path but the whole.
+    A path on another drive stays absolute.
     """
     portable = {
         key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
@@ -418,7 +419,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     Raises
     ------
     ConfigError
-        An option is given that is for evaluating, or the baseline twice.
+        An option is only for evaluations, or the baseline is given twice.
     """
     typed = [*gate.given("commandline")]
     if gate.proof:
@@ -442,12 +443,12 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
 def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     """Return the rows of a store, and their options as a baseline at this path records them.
 
-    They are by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
+    The keys are names of jobs, such as ``careful/SIM-01 cutoff=5``.
 
     Raises
     ------
     InputError
-        It cannot be read, has no rows, or an option is unknown.
+        The store cannot be read or has no rows, an option is unknown, or two names are equal.
     """
     store = Store(folder)
     options, table = store.settings()["options"], store.rows()
@@ -473,7 +474,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
 # ``gate`` of Python.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
-"""Keywords by the names of their options, as a baseline has these."""
+"""Keywords by the names of their options, which a baseline uses."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -508,7 +509,7 @@ class GateResult:
 
     @cached_property
     def findings(self) -> "pd.DataFrame":
-        """A row for each rule with value, limit and verdict; in a suite for each pair and group."""
+        """A row for each rule (of each pair and group) with value, limit and verdict."""
         import pandas as pd  # lazy: slow to import
 
         records = [
@@ -569,13 +570,13 @@ def gate(
     against : str, optional
         Git revision or folder that provides suite, baseline, truths and configuration.
     newer_than : str or path, optional
-        A file or a time; older estimates of a suite fail.
+        A file or a time; estimates of a suite that are older than it fail.
     fail_on : str or iterable of str
         Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
         Rules that only warn.
     limits : mapping of str to float, optional
-        Largest values that do not depend on the baseline: ``{"tgospa": 50.0}``.
+        Largest allowed values, whatever the baseline has: ``{"tgospa": 50.0}``.
     group : str, optional
         Labels of a suite, such as ``"scenario"``; pairs are added up by these labels and the sums
         are judged.
@@ -607,7 +608,7 @@ def gate(
     Raises
     ------
     ConfigError, InputError
-        An evaluation raises it, a rule is wrong, or the baseline or the suite cannot be read.
+        `evaluate` raises it, a rule is wrong, or the baseline or the suite cannot be read.
     TypeError
         Neither two sides with a baseline nor a suite are given, or `limits` is not a mapping.
     """
@@ -640,7 +641,7 @@ def _gate_of_pair(
     estimate: TrajectoriesLike,
     options: Mapping[str, Any],
 ) -> GateResult:
-    """Judge two sides, in memory or files, by options as of `evaluate`."""
+    """Judge two sides, in memory or in files, with options of `evaluate`."""
     path = str(judge_by.baseline)
     old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:

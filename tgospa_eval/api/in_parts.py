@@ -83,7 +83,7 @@ def parts_in_words(
             return f"{folders[0]} is a folder of tables"
         said = options.memory is not None and not any(map(folder_format, folders))
         return f"{folders[0]} is a folder, and {option('memory')} is given" if said else None
-    if options.max_input is not None:  # which allows to read it at once
+    if options.max_input is not None:  # the user wants it read at once
         return None
     files = [path for path in paths if path != STDIN and os.path.isfile(path)]
     small = sum(map(os.path.getsize, files)) < FITS_ANYWHERE
@@ -97,7 +97,7 @@ def parts_in_words(
     if can_be_divided(paths):
         return f"{' and '.join(paths)} need about {size} of memory, more than {given} allows"
     if options.memory is None:
-        return None  # whoever reads them sees what there is
+        return None  # reading tells if the memory suffices
     raise MemoryTooSmallError(
         f"{' and '.join(paths)} need about {size} of memory, more than {given} allows; only CSV "
         "and "
@@ -177,7 +177,7 @@ def evaluate_in_parts(
     stopwatch : Stopwatch
         Running clock.
     kept : bool
-        Whether the folder is kept after the run; only then it gets a table of assigned pairs.
+        Whether the folder is kept after the run. A table of assigned pairs is written only then.
     pictures : bool
         Whether pictures are made of the result.
 
@@ -220,9 +220,9 @@ def in_parts_if_large(
     stopwatch: Stopwatch,
     why: str | None = None,
 ) -> ResultInParts | None:
-    """Evaluate folders of tables, and files that do not fit; return None for other sides.
+    """Evaluate folders of tables, or files that do not fit in memory; return None for other sides.
 
-    The folder of the tables is removed with the result. `why` says that files do not fit.
+    The temporary folder is removed with the result. `why` says that files do not fit in memory.
 
     Raises
     ------

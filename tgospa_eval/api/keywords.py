@@ -23,7 +23,7 @@ OF_THE_COMMAND = ("memory", "scheduler", "explain")
 Some functions declare `memory` and `scheduler` themselves, and results have `explain`."""
 
 KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
-"""Names of fields by those of their options."""
+"""Names of fields by the names of their options."""
 
 IN_OBJECTS = {
     "distance": "a record of `tgospa_eval.distances`",
@@ -44,7 +44,7 @@ IN_OBJECTS = {
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Return the keywords of a function without some options."""
+    """Return all options as keywords, except those in `without`."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
@@ -159,7 +159,7 @@ def _value(name: str, value: object) -> Any:
     if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
         return _names(name, value)
     if isinstance(value, str):
-        # The texts of these two have their choices.
+        # Texts for these two options are checked elsewhere.
         known = about.choices if name not in ("distance", "solver") else ()
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")

@@ -116,18 +116,19 @@ def pair_notices(
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
     """Explain states without covariance; the arguments say whether each side has covariances."""
     if truth and estimate:
-        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
+        yield "neither side has covariances: gaussian-wasserstein equals the euclidean distance"
     elif truth:
         yield (
-            "the truth has no covariances: a smaller covariance of the estimate always costs "
-            "less, right or wrong"
+            "the truth has no covariances: smaller covariances of the estimate always cost less, "
+            "even if they are too small"
         )
 
 
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """Yield notices of the defaults in use, once for all jobs."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
-        yield f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
+        overlap = option("distance", "iou")
+        yield f"boxes are compared by their centres (x, y); {overlap} compares their overlap"
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
     values = zip(given, as_distance(options.distance).defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
@@ -143,7 +144,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield the progress of the run, if requested, and where the accuracy was not reached."""
+    """Yield the progress of the run, if requested, and values without the requested accuracy."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:

@@ -45,7 +45,7 @@ SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""Message about a folder or a pattern; the folder, and the matching files below it."""
+"""A message about a folder or a pattern; then the folder, and the matching files below it."""
 
 
 CSV = re.compile(r".*\.csv(\.gz|\.zst)?", re.IGNORECASE).fullmatch
@@ -134,12 +134,12 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     truth, estimate = (by_shape[shape] for by_shape, shape in zip(shapes, best, strict=True))
     names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
     if not names:
-        # Of one file each it is clear what belongs together.
+        # With one file in each folder, it is clear which two belong together.
         files = [{path for group in one.values() for path in group.values()} for one in shapes]
         if all(len(some) == 1 for some in files) and files[0] != files[1]:
             yield _type(*(some.pop() for some in files))
         elif all(places):
-            yield "the folders have no file names in common: name a pair of files"
+            yield "the folders have no file names in common: name two files"
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
@@ -188,7 +188,7 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Group paths by their common shape and differing name: gt/{}/gt/gt.txt, MOT17-02."""
+    """Return paths by shape, such as gt/{}/gt/gt.txt, and by the name in it, such as MOT17-02."""
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}
     for file in files:
@@ -233,7 +233,8 @@ def read_pair(
 ) -> tuple[Reading, ...]:
     """Read the truth, and the estimate if there is one; or sides in other roles.
 
-    The sides are converted to the same units, clock and frame, and filtered.
+    The sides are converted to the same units, clock and frame. Rows that are not wanted are left
+    out.
 
     Parameters
     ----------
@@ -250,16 +251,16 @@ def read_pair(
     advise : bool
         Whether the message about a folder has a command to type.
     known : dict, optional
-        The last truth by its path, so that several estimates share one reading of the truth.
+        The truth that was read last, by its path: several estimates share one reading of it.
 
     Raises
     ------
     InputError
-        A path is a folder, a side is wrong, or all sides lack a mapped header. The message has all
-        errors.
+        A path is a folder, a side is wrong, or no side has a header that an option names. The
+        message has all errors.
     ConfigError
-        No side has a requested class, the filters leave no row, or a side does not support a
-        filter.
+        No side has a requested class; or options that select rows leave none, or do not apply to a
+        side.
     """
     names = display_names(given, names or roles)
     given = tuple(objects.with_plain_axes(*both) for both in zip(given, names, strict=True))
@@ -393,9 +394,9 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return both files without rows that the rules of a benchmark omit, if requested.
+    """Return both sides, if requested without the rows that the rules of a benchmark omit.
 
-    If it is not requested, but a metric of published tables is, a warning says so.
+    A warning says if this was not requested, although a metric of published tables was.
 
     Raises
     ------
@@ -433,14 +434,14 @@ def _preprocessed(
 def check_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> None:
-    """Check that at least one file has the requested headers and classes.
+    """Check that at least one side has the requested headers and classes.
 
     Raises
     ------
     InputError
-        No file has a mapped header, or classes.
+        No side has a header that an option names, or a column of classes.
     ConfigError
-        No file has a requested class, or the filters leave no row.
+        No side has a requested class, or options that select rows leave none.
     """
     for name in sides[0].missing:
         if all(name in side.missing for side in sides):

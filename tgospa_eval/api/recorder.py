@@ -29,7 +29,7 @@ Frame: TypeAlias = "tuple[list[str], Floats, Floats | Clouds | None]"
 """Ids, states and their covariances or particles, of one side at one time."""
 
 PARTICLES = 3
-"""Axes of particles: (n, N, d)."""
+"""Number of axes of particles (n, N, d): n objects of N particles with d columns."""
 
 
 class Recorder:
@@ -77,14 +77,14 @@ class Recorder:
         ----------
         t : number, datetime or ISO text
             Time of the frame; later than the time of the frame before.
-        truth_ids, estimate_ids : sequence of m, of n ids
-            Texts or numbers, without duplicates.
-        truth, estimate : (m, d), (n, d) array or tensor
-            States in the order of the ids; they are copied. NaN means absent. Or particles: an
-            array (N, d) for each id, where N may differ.
-        truth_covariances, estimate_covariances : (m, d, d), (n, d, d) array, optional
+        truth_ids, estimate_ids : sequence
+            Ids of the n objects of a side: texts or numbers, without duplicates.
+        truth, estimate : (n, d) array or tensor
+            States with d columns, in the order of the ids; they are copied. NaN means that the
+            object is absent. Or an array (N, d) of N particles for each id; N may differ.
+        truth_covariances, estimate_covariances : (n, d, d) array, optional
             Covariances of the states.
-        truth_weights, estimate_weights : (m, N), (n, N) array, optional
+        truth_weights, estimate_weights : (n, N) array, optional
             Weights of the particles, scaled to the sum 1; equal by default.
 
         Raises
@@ -114,8 +114,8 @@ class Recorder:
                 size = size or (array.shape[1], f"{name} at t = {t}")
                 if array.shape[1] != size[0]:
                     raise InputError(
-                        f"{where}, {name}: states of {array.shape[1]} components, those of "
-                        f"{size[1]} have {size[0]}"
+                        f"{where}, {name}: states have {array.shape[1]} components, but {size[0]} "
+                        f"in {size[1]}"
                     )
             sides.append((names, array, spread))
         self._times.append(t)
@@ -206,7 +206,10 @@ def _clouds(clouds: Iterable[Cloud]) -> Clouds:
 
 
 def _frame(ids: object, states: Any, covariances: object, weights: Any, where: str) -> Frame:
-    """Return ids as texts, a copy of the states (n, d), d = 0 if there are none, and spreads."""
+    """Return ids as texts, a copy of the states (n, d), and their covariances or particles.
+
+    Without states, d is 0.
+    """
     from tgospa_eval.formats.frames import id_text  # lazy: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
@@ -220,7 +223,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
         first = states if hasattr(states, "__array__") else [array_of(states[0], where)]
         if np.ndim(first) == PARTICLES:
             if covariances is not None:
-                raise InputError(f"{where}: particles have no covariances; leave one out")
+                raise InputError(f"{where}: give particles or covariances, not both")
             clouds = _particles(states, weights, where)
             return names, clouds.means, clouds
     if weights is not None and names:
@@ -240,8 +243,8 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
     spread = np.array(numbers_of(array_of(covariances, where), where))
     if spread.shape != (*array.shape, array.shape[1]):
         raise InputError(
-            f"{where}: covariances of shape {spread.shape}; states {array.shape} have such of "
-            f"shape {(*array.shape, array.shape[1])}"
+            f"{where}: covariances of shape {spread.shape}; for states of shape {array.shape} it "
+            f"must be {(*array.shape, array.shape[1])}"
         )
     return names, array, spread
 
@@ -257,7 +260,7 @@ def _particles(states: Any, weights: Any, where: str) -> Clouds:
         if points.ndim != PARTICLES - 1 or own.shape != points.shape[:1] or not own.sum() > 0:
             raise InputError(
                 f"{where}: particles of shape {points.shape} and weights {own.shape}; must be "
-                "(N, d) and (N,), not all 0"
+                "(N, d) and (N,), with weights that are not all 0"
             )
         clouds.append((points, own / own.sum()))
     try:

@@ -30,7 +30,7 @@ def as_frame(columns: Columns) -> "pd.DataFrame":
 
 
 class Reportable:
-    """Result that can be rendered in every format and plotted; notebooks show it as a card."""
+    """Result that can be printed in every format and plotted; a notebook shows it as a card."""
 
     @property
     @abstractmethod

@@ -1,4 +1,4 @@
-"""A request, checked, as records: how to read both sides, and what to evaluate."""
+"""A checked request as records: how to read both sides, and what to evaluate."""
 
 import math
 from collections.abc import Iterable
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolvedRequest:
-    """A request, checked, as records: how to read both sides, and what to evaluate.
+    """A checked request as records: how to read both sides, and what to evaluate.
 
     Parameters
     ----------
@@ -171,8 +171,8 @@ def _resolved(options: Request) -> ResolvedRequest:
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(
-            f"{option('similarity')} is not supported with {option('step_weights')}: it scores "
-            "the plain mean over steps"
+            f"{option('similarity')} is not supported with {option('step_weights')}: the "
+            "score is for the plain mean over steps"
         )
     measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
@@ -221,7 +221,7 @@ def _resolved(options: Request) -> ResolvedRequest:
 
 @lru_cache(maxsize=8)
 def _kept(options: Request, _: str) -> ResolvedRequest:
-    """Return the records, made once for each surface, because readers keep names of options."""
+    """Return the records. Readers keep names of options, so each surface has its own records."""
     return _resolved(options)
 
 

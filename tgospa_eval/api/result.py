@@ -95,8 +95,8 @@ class Showable(Evaluation, Reportable):
             Parts of the cost to plot, of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
         ax, figure : Axes, Figure or SubFigure of matplotlib, optional
-            Axes to draw a picture of one panel into, without a title; or an empty figure. By
-            default a new figure.
+            Axes for a picture of one panel, which then has no title; or an empty figure. The
+            default is a new figure.
 
         Returns
         -------
@@ -146,7 +146,7 @@ class Showable(Evaluation, Reportable):
 
         Boxes, 95 % ellipses of normal distributions, and particles are drawn at some steps of a few
         trajectories, if the states have them and the two columns show them. A second panel shows
-        all of them around the assigned pair with the largest distance.
+        all such shapes near the assigned pair with the largest distance.
 
         Parameters
         ----------
@@ -343,8 +343,8 @@ class Result(Showable, PairEvaluation):
     source : pair of AlignedPair and EvaluationRequest, optional
         Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
-        More values of each assigned pair, in the order of the table of assignments: parts of
-        the cost by name, and ``nees``.
+        More values of the N assigned pairs, in the order of the table of assignments: parts of the
+        cost by name, and ``nees``.
     explained : Explanation, optional
         Repairs with the largest savings, if requested.
     """
@@ -381,8 +381,8 @@ class Result(Showable, PairEvaluation):
         """Return the derivative of the cost by estimated states, cutoff and switch penalty.
 
         The reported assignment is fixed (envelope theorem). If the optimal assignment is unique,
-        this is the derivative of the metric, else one of several directional derivatives;
-        `Gradient.unique` is true if the assignment is proven to be unique.
+        this is the derivative of the metric. Otherwise it is one of several directional
+        derivatives. `Gradient.unique` is true if the assignment is proven to be unique.
 
         Returns
         -------

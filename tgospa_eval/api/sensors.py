@@ -38,16 +38,16 @@ FIRST_ROWS = 10
 
 
 class Association(Pairing):
-    """Pairs of rows of two sides.
+    """States of two sensors, paired.
 
     Parameters
     ----------
     first, second : Trajectories
         The sides, on the same times.
     pairs : Pairs
-        Pairs of one step that are nearer than the cutoff, or all pairs if requested.
+        Pairs of states of one step: those nearer than the cutoff, or all if requested.
     apart : (N,) float array
-        Distances of their means.
+        Distance of the means in each of the N pairs.
     chosen : (N,) bool array
         Whether each pair was associated.
     cutoff : float
@@ -86,11 +86,11 @@ class Association(Pairing):
 
     associations = frame_of(
         "associations",
-        "Each state once: pairs by step, without a partner where a state stays alone.",
+        "A row for each associated pair, and for each state without a partner.",
     )
     costs = frame_of("costs", "All pairs that were measured, and whether they were associated.")
     cross_covariances = frame_of(
-        "cross_covariances", "Of each associated pair the cross-covariance of the particles."
+        "cross_covariances", "Cross-covariances of the particles of each associated pair."
     )
 
     def frame(self, name: str) -> "pd.DataFrame":
@@ -182,7 +182,7 @@ def reduce_side(
     """
     if side.trajectories.clouds is None:
         raise InputError(
-            f"{name}: no particles; a column weight makes the rows of an (id, t) a cloud"
+            f"{name}: no particles; with a column weight, the rows of one id and t are a cloud"
         )
     return reduce_trajectories(side.trajectories, how, resources)
 
@@ -193,7 +193,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Read sides in the role of estimates, with a Python warning for what looks wrong."""
+    """Read sides as estimates are read, with a Python warning if data look wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
@@ -227,7 +227,7 @@ def associate(
     Parameters
     ----------
     a, b : path, Trajectories, DataFrame, array, mapping or set of tracks
-        Sides, as truth and estimate of `evaluate`.
+        States of the sensors, in any form of a side of `evaluate`.
     cutoff : float
         c > 0, in the unit of the distance.
     mapping : sequence of int, or pair of such, optional
@@ -238,9 +238,9 @@ def associate(
     a_format, b_format : str, optional
         Formats of files.
     a_columns, b_columns : str or sequence of str, optional
-        `columns` of one side.
+        Option `columns` for one side.
     a_where, b_where : str or sequence of str
-        `where` of one side.
+        Option `where` for one side.
 
     Returns
     -------
@@ -283,7 +283,7 @@ def reduce(
     Parameters
     ----------
     side : path, Trajectories, DataFrame, array, mapping or set of tracks
-        Side of `evaluate` with particles.
+        Particle clouds, in any form of a side of `evaluate`.
     size : int
         Number of particles of each cloud; smaller clouds stay as they are.
     mapping : sequence of int, optional

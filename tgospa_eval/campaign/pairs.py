@@ -64,7 +64,7 @@ class Job:
     rules : dict of str to tuple of str
         Rules ``fail-on``, ``warn-on`` and ``max`` that the suite of a gate sets.
     fault : str
-        Reason why the pattern finds no files, or why the gate does not judge them.
+        Reason why the pattern matches no files, or why the gate does not judge the job.
     fault_is : str
         Verdict of the gate on a pair with a fault.
     is_new : bool
@@ -218,7 +218,7 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Return whether a file has data, and also the element of a cell if the path names one."""
+    """Return whether a file has data, and has the element of a cell that the path may name."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -252,7 +252,7 @@ def of_layout(
         raise ConfigError(*wrong)
     plan = of_patterns(*shapes, folders, sequences, output)
     left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
-    missing = [f"sequence {name}: no tracker has it together with a truth" for name in sorted(left)]
+    missing = [f"sequence {name}: there is no truth, or no tracker has it" for name in sorted(left)]
     return replace(plan, faults=(*plan.faults, *missing))
 
 
@@ -321,8 +321,8 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
             frames |= _frames_of_seqmap(path, missing) if path and missing else {}
     missing = [name for name in names if frames[name] is None]
     notice = (
-        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: values per step divide by "
-        "the number of times in the ground truth"
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: values per step are divided "
+        "by the number of times in the ground truth"
     )
     return replace(
         plan,
@@ -606,19 +606,21 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
         if path in stars and path.count("*") > 1:
             raise ConfigError(f"{path}: must have one *, for the run")
         if stars and path not in marked and path != truth:
-            raise ConfigError(f"{path}: has no * for the run, but other files have")
+            raise ConfigError(f"{path}: has no * for the run, but other files have one")
     own = ["run"] if stars else _fields(truth)
     for path in estimates:
         missing = [] if stars else [name for name in own if name not in _fields(path)]
         if missing:
-            raise ConfigError(f"{path}: has no {{{missing[0]}}}, but {truth} has")
+            raise ConfigError(f"{path}: has no {{{missing[0]}}}, but {truth} has it")
     there = {path: list(_values(path)) for path in marked}
     runs = sorted(there[marked[0]], key=lambda values: [natural(values[name]) for name in own])
     for path in marked[1:]:
         for values in (values for values in runs if values not in there[path]):
-            raise InputError(f"{_file(path, values)}: no such file; other patterns have it")
+            raise InputError(
+                f"{_file(path, values)}: no such file, but other patterns have this run"
+            )
         for values in (values for values in there[path] if values not in runs):
-            raise InputError(f"{_file(path, values)}: the other patterns have no such run")
+            raise InputError(f"{_file(path, values)}: this run is missing in other patterns")
     return [(_file(truth, values), [_file(path, values) for path in estimates]) for values in runs]
 
 

@@ -72,7 +72,8 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     -------
     tuple
         Sums over all steps, with costs in state units to the power p. Then GOSPA of each step, and
-        the values that other tools print for the step by rule, in state units.
+        the values that other tools print for a step, by the name of their rule; both in state
+        units.
     """
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
@@ -193,7 +194,7 @@ class RunOutcome:
     counts : dict
         Numbers of missed targets, false targets and switches.
     steps : dict of (T,) float arrays
-        Costs of each step by part, and values of other rules by rule.
+        Costs of each of the T steps by part, and values of the rules of other tools by rule.
     timestamps, times : (T,) array and list
         Times of the steps as numbers, and as they were read.
     evaluated_on : mapping
@@ -438,7 +439,7 @@ def ranking_document(
     pairs: list[Json] = []
     for a, b in itertools.combinations(ranked, 2):
         difference = second_less_first(normal[a], normal[b])
-        # The difference is the second less the first, which has the smaller value.
+        # The difference is second minus first. The first has the smaller value.
         per_step: Json = {"total": [difference.lower, difference.upper]}
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
@@ -568,7 +569,7 @@ FIELDS_SHOWN = {**COMPARED, **BESIDE}
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Return the other metrics that all results of one run have, and notices of the rest.
+    """Return the other metrics that all results of one run have, and notices about left out ones.
 
     Metrics of several runs are left out: they are ratios of counts over all runs, which cannot be
     computed from the ratios of each run.
@@ -592,9 +593,9 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 # -------------------------------------------------------------------------------------------------
 # Orders of the values of a label of a batch: a proven order and a statistical order.
 #
-# Only jobs that differ in this label alone are compared, and only where all its values have a job.
-# The proven order compares brackets of the combined value on these files. The statistical order
-# is an inference about other truths like these (`statistics`).
+# Jobs are compared if they differ only in this label, and if each value of the label has such a
+# job. The proven order compares brackets of the combined value on these files. The statistical
+# order is an inference about other truths like these (`statistics`).
 
 
 MAX_COMPARED = 100
@@ -652,7 +653,7 @@ def _ranking(
         return
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
-        yield f"{label} is not ranked: no truth is evaluated with all its values"
+        yield f"{label} is not ranked: no truth has a job for each value of {label}"
         return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
@@ -852,7 +853,7 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Return intervals of the values, None for too few truths, and fill in those of differences.
+    """Return intervals of values, None with too few truths, and set the intervals of differences.
 
     Parameters
     ----------
@@ -884,7 +885,7 @@ def _with_intervals(
 
 
 def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
-    """Return statistical places, None for too few truths, and fill in the tests of all pairs.
+    """Return statistical places, None with too few truths, and set the tests of all pairs.
 
     A name is ahead only of names from which it differs significantly. The arguments are those of
     `_with_intervals`.

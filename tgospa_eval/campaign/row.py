@@ -90,7 +90,7 @@ def row_to_judge(result: Evaluation) -> Row:
 
 
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
-    """Sum the parts of localisation, and NEES, over the rows; each only if all rows have it."""
+    """Sum the parts of localisation, and NEES, over the rows; each only if no row lacks it."""
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
     nees = NeesSums.joined(filter(None, each)) if all(each) else None
@@ -305,7 +305,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows of one pair differ only in the labels that are compared.
+# Which rows can be compared: those that differ only in the compared labels.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.coverage.digest`)."""
@@ -335,8 +335,8 @@ def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
     """Return the rows, and names of columns with parameters in which jobs differ.
 
-    Jobs with different parameters are never added up or compared. A missing parameter is a dash,
-    and so are all parameters of a job without a value.
+    Jobs with different parameters are never added up or compared. A missing parameter is shown as a
+    dash, like all parameters of a job without a value.
     """
     having = rows[rows["status"] != "failed"]
     differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
@@ -366,7 +366,7 @@ def in_words(value: object) -> str:
 
 
 def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
-    """Return the truth of each job: the digest of its data, or its path without a digest."""
+    """Return the truth of each job: the digest of its data, or its path if no digest is known."""
     import pandas as pd
 
     paths = rows["truth"]
@@ -419,7 +419,7 @@ def pair_numbers(
     *,
     truth: bool = True,
 ) -> "pd.Series[int]":
-    """Return a number for each job, the same where truth, parameters and other labels agree.
+    """Return a number for each job: jobs that can be compared have the same number.
 
     Parameters
     ----------

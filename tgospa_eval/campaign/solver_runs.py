@@ -285,7 +285,7 @@ def solvers_document(
     prepared : PreparedPair
         Problem that was solved.
     left_out : dict
-        Reasons by solver that did not run.
+        Reason for each solver that did not run.
     seconds : dict
         Times of work that was done once for all solvers.
     warnings : list of dict

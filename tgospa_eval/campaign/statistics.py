@@ -81,20 +81,21 @@ def intervals(
 
 
 FEW_EVENTS = 10
-"""Number of runs with a cost below which intervals use their share instead of the jackknife.
+"""If fewer runs than this have a cost, intervals use the share of these runs, not the jackknife.
 
-They do not if all runs have a cost. The jackknife cannot estimate the spread of so few costs.
+The jackknife cannot estimate the spread of so few costs. If all runs have a cost, it is used.
 """
 
 
 def rare_intervals(
     lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Return intervals of root mean squares, also where few runs have a cost above 0.
+    """Return intervals of root mean squares, even if few runs have a cost above 0.
 
-    With fewer than `FEW_EVENTS` such runs, an end is an end of the interval of their share (Clopper
-    and Pearson 1934) times a cost per run. The cost is the smaller (lower end) or larger (upper
-    end) of the mean of these runs and `typical`. Coverage by simulation: docs/theory/intervals.md.
+    With fewer than `FEW_EVENTS` such runs, the interval of their share is computed (Clopper and
+    Pearson 1934). Its lower end is multiplied by the smaller of two costs: the mean of these runs,
+    and `typical`. Its upper end is multiplied by the larger of the two. Coverage by simulation:
+    docs/theory/intervals.md.
 
     Parameters
     ----------
@@ -209,7 +210,7 @@ on the side whose sum is tested; 0 for differences of pairs, whose signs can be 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
     """Return one-sided p values of too large sums, under all exchanges or many random ones.
 
-    The statistic is the sum of the first side less the sum of the other side, scaled to the same
+    The statistic is the sum of the first side minus the sum of the other side, scaled to the same
     number of values. Strata are added up. SciPy has this test for one stratum, and without
     allowance for rounding.
 

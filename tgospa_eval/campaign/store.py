@@ -1,7 +1,8 @@
 """Store of a batch: settings, and parts with a row for each job.
 
 A part is written to a temporary file and then renamed. A process that is killed therefore leaves
-all finished parts and no incomplete part. Of several rows with one key the last done row counts.
+all finished parts and no incomplete part. If several rows have the same key, the latest finished
+row counts.
 """
 
 import errno
@@ -98,8 +99,9 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the steps of a job as columns of its row, if they are requested.
 
     The columns are the times as they were read, the number of steps of the horizon up to each step,
-    and costs in state units to the power p. Then the value of an evaluation of only the steps up to
-    each step, and its bounds, as in `Result.curve`; NaN if the curve was not requested.
+    and costs in state units to the power p. Further columns have the value of an evaluation of only
+    the steps up to each step, and its bounds, as in `Result.curve`. They are NaN if the curve was
+    not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -373,7 +375,7 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """Return one row per job, sorted by labels: its last done row, or else its last row.
+        """Return the latest finished row of each job, or else its latest row, sorted by labels.
 
         Raises
         ------

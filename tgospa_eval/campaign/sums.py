@@ -144,7 +144,8 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
 
     A row of a group has its labels, parameters that differ between jobs, sums and their roots. A
     label with the name of another column keeps ``label.``. ``jobs`` is the number of jobs with a
-    value. ``expected`` is the number of different jobs of groups that share a truth with it.
+    value. ``expected`` is the number of jobs that the group would have with every job of the groups
+    that share a truth with it.
 
     Parameters
     ----------
@@ -250,7 +251,7 @@ def _summed(
 def _expected(
     rows: "pd.DataFrame", numbers: "pd.Series[int]", by: Sequence[str], differing: Sequence[str]
 ) -> Any:
-    """Return the number of jobs that each group would have with every job of similar groups.
+    """Return the number of jobs that each group would have if it had all jobs of similar groups.
 
     Similar groups have a truth in common, or all groups are similar if each has only one truth.
 
@@ -307,11 +308,11 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # -------------------------------------------------------------------------------------------------
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
-# Every run of a group counts at each time, with cost 0 where it has no step. If at no time more
-# than half of the runs are between their first and their last step, or if a clock is requested, a
-# run counts from its first to its last step.
-# Sums over time and over runs are computed from left to right, with runs in the order of the jobs.
-# Powers are those of Python. A script that adds up single results therefore gets the same doubles.
+# Every run of a group counts at each time, with cost 0 where it has no step. A run counts only from
+# its first to its last step if a clock is requested, or if at most half of the runs are under way
+# at any one time. Sums over time and over runs are computed from left to right, with runs in the
+# order of the jobs. Powers are those of Python. A script that adds up single results therefore gets
+# the same doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
 """Number of resamples and seed of the bootstrap."""
@@ -359,9 +360,9 @@ def rms_curves(
     band : str
         Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
-        Time axis: time since the start of each run, or timestamps. The default is timestamps, or
-        time since the start if at no time more than half of the runs of a group are between their
-        first and their last step.
+        Time axis: time since the start of each run, or timestamps. The default is timestamps; or
+        time since the start if at most half of the runs of a group are between their first and
+        their last step at any one time.
     """
     if steps is None:
         return [], []
@@ -422,15 +423,15 @@ def _curves(
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
         notes.append(
-            "at no time more than half of the runs have a step: t is the time since the start of "
-            f"each run, and a run counts up to its last step; {option('over', 'stamps')} keeps the "
-            "timestamps"
+            "at most half of the runs are under way at any one time: t is the time since "
+            "the start of each run, and a run counts up to its last step; "
+            f"{option('over', 'stamps')} keeps the timestamps"
         )
     elif runs.is_scattered:
         bands = f"; bands are only for up to {MAX_BANDED:,} times" if runs.many else ""
         notes.append(
-            "at most times half of the runs or fewer have a step, and the others count with "
-            f"cost 0{bands}; where timestamps differ, {option('resample')} gives all the same times"
+            "usually half of the runs or fewer have a step at a time; the other runs count with "
+            f"cost 0{bands}; {option('resample')} gives all runs the same times"
         )
     else:
         inside = _running(runs.place, runs.slices, len(runs.times))[-1]
@@ -466,7 +467,7 @@ def _curves(
     having = np.isin(jobs, with_curve["job"]) | ~np.isin(jobs, steps["job"])
     if not having.all():
         missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
-        notes.append(f"{missing} have no values of the steps up to each step")
+        notes.append(f"{missing} have no stored values of the steps up to each step")
     runs = _Runs(with_curve, jobs[having], order, *shown)
     powers = [[value**order for value in own] for own in runs.columns(store.CURVE_COLUMNS).tolist()]
     value, lower, upper = np.array(powers)
@@ -590,7 +591,10 @@ class _Runs:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """True if at most times inside several runs, at most half of these runs have a step."""
+        """True if usually at most half of the runs that have begun and not ended have a step.
+
+        Only times count that are inside several runs.
+        """
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
         having = np.bincount(self.place, minlength=size)[inside > 1]
@@ -634,7 +638,7 @@ class _Runs:
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Return root mean squares of costs (R,), and the band of costs between `bounds`."""
+        """Return root mean squares of costs (R,), and their band; `bounds` are of the costs."""
         band = None
         if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]

@@ -27,8 +27,8 @@ from tgospa_eval.quoting import COMMAND, spelled_for
 # -------------------------------------------------------------------------------------------------
 # Under a limit of memory (``ulimit -v``) a child does the work.
 #
-# Compiled code that gets no memory aborts, or exits with a status of its own choosing, which might
-# be that of a regression; this one is left to report it.
+# Compiled code that gets no memory aborts, or exits with any status, even that of a regression. The
+# parent process is left to report the lack of memory.
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
 """Signals that end a program without memory; other signals have other causes."""
@@ -101,8 +101,8 @@ def _limit() -> int | None:
 
 
 NEW_OBJECTS = 50_000
-"""Number of new objects that starts garbage collection, which finds next to nothing. The 700 of
-Python cost 3 % of the time of a small evaluation, and 4 % of one with pictures."""
+"""Number of new objects that starts garbage collection, which finds next to nothing. Python's
+default of 700 costs 3 % of the time of a small evaluation, and 4 % with pictures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

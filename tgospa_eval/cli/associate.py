@@ -79,8 +79,8 @@ def command(
 ) -> None:
     """Associate the states of two sensors, A and B, at every step.
 
-    Printed is the association with the least sum of distances, where each state that
-    stays alone costs c/2. The files are read as evaluate reads them.
+    The association with the least sum of distances is printed. A state without a
+    partner costs c/2. The files are read as evaluate reads them.
 
     \b
     Examples:

@@ -49,7 +49,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
 
     The jobs come from patterns with fields, from a manifest (a CSV file with the
     columns truth and estimate, labels, and options), or from the folders GT TRACKERS
-    of a --layout. Rows are stored as Parquet; what is done is never done again.
+    of a --layout. Results are stored as Parquet. Finished jobs are not done again.
 
     \b
     Examples:
@@ -71,7 +71,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     checked_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
-            raise click.UsageError("batch report takes one folder: a store")
+            raise click.UsageError("batch report takes one folder: the -o of a batch")
         _check_typed(ctx)
         store = Store(paths[1])
         store.settings()

@@ -68,11 +68,11 @@ def command(
     force: bool,
     **options: object,
 ) -> None:
-    """Show which single repairs of ESTIMATE would save most of the cost, proven.
+    """Show which single repairs of ESTIMATE would save most of the cost, with proof.
 
     A repair joins, exchanges, splits, drops, cuts, fills or extends tracks, or moves
-    the whole estimate in time or space. What each saves is proven from bounds before
-    and after it. Savings do not add up: apply one, and explain what is left.
+    the whole estimate in time or space. Bounds before and after a repair prove its
+    saving. Savings do not add up: apply one repair, then explain the repaired file.
 
     \b
     Examples:

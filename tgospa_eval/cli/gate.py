@@ -46,7 +46,7 @@ GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
-    """Command that keeps its arguments, for commands in messages, and the target that judges."""
+    """Command that keeps its arguments, to repeat them in messages, and the target that judges."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the arguments, then parse them."""
@@ -83,8 +83,8 @@ def command(
 
     The gate fails only if the proven lower bound breaks a rule, and passes only if the
     proven upper bound keeps it. Options that are not given come from the baseline.
-    Of the store of a batch every job is judged, by that of another batch or by a
-    baseline, and nothing is solved.
+    With the folder of a batch, each of its jobs is judged, by the same job of an
+    older folder or by a baseline. These jobs are not evaluated again.
 
     \b
     Examples:
@@ -98,8 +98,8 @@ def command(
       tgospa-eval gate old_results new_results          two stores of a batch
       tgospa-eval gate --suite suite.toml --against origin/main
 
-    Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
-    baseline missing or not comparable, 3 bad input file, 4 undecided.
+    Exit status: 0 passed, 1 regression (proven; for groups inferred from seeds),
+    2 wrong option, baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
     given = {
         **options,
@@ -114,7 +114,7 @@ def command(
         raise click.UsageError(removed("gate history"), ctx)
     if ctx.meta.get(IGNORED) and not output.quiet:
         names = ", ".join(ctx.meta[IGNORED])
-        print_notice(f"{names}: ignored; {options['against']} judges")
+        print_notice(f"{names}: ignored, because {options['against']} judges")
     ctx.exit(_run(GateOptions.of(given), truth, estimate, output))
 
 
@@ -168,7 +168,7 @@ def _run(
             version=__version__,
             settings_file=gate.config,
         )
-        if output.format_ != "table":  # readers of a file see the warning too
+        if output.format_ != "table":  # the report on stdout has the error, too
             emit(GATE_REPORTS[output.format_](report), output.format_)
         over = isinstance(error, OverInputError)
         _publish(replace(gate, junit=None) if over else gate, report)

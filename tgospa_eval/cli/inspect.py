@@ -37,8 +37,8 @@ def command(
 ) -> None:
     """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.
 
-    The files are read as evaluate reads them, and nothing is solved. Where an id has
-    several rows at one time these are counted, and the first is taken, unless
+    The files are read as evaluate reads them, and nothing is solved. If an id has
+    several rows at one time, the rows are counted and the first one is used, unless
     --on-duplicate is given.
 
     \b

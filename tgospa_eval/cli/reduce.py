@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     params=[
         Option(
             "-n, --size N",
-            "Number of particles of each cloud. A cloud with no more than N stays as it is.",
+            "Number of particles of each cloud. A cloud of at most N particles stays as it is.",
             section="Particles",
             type=click.IntRange(min=1),
             required=True,
@@ -101,7 +101,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 
 
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
-    """Return statistics of known numbers; nothing where those of large changes are unknown."""
+    """Return statistics of the known numbers; None if unknown ones may be the largest."""
     import numpy as np
 
     from tgospa_eval.inspection import spread

@@ -51,8 +51,8 @@ _output = partial(Option, section="Output")
 OPTIONS = (
     _scene(
         "--setting NAME",
-        "What a publication simulates, with the measurements for a tracker: garcia-fernandez-2020 "
-        "or xia-2019. Only --seed goes with it.",
+        "Scene of a publication, with measurements for your tracker: garcia-fernandez-2020 or "
+        "xia-2019. It leaves only the seed to choose.",
         type=click.Choice(PUBLISHED),
     ),
     _scene(
@@ -100,7 +100,7 @@ OPTIONS = (
     ),
     _tracker(
         "--confirmation N",
-        "Number of steps after its birth at which a target is not yet reported.",
+        "Number of steps after the birth of a target before it is reported.",
         default=0,
     ),
     _tracker(
@@ -181,9 +181,9 @@ def command(
 ) -> None:
     """Make a ground truth and a tracker's estimate of it, to try things on.
 
-    Two files are written to the folder DIR. What was made is printed, and the command
-    that evaluates it. An error of the tracker is left out with 0, misses with
-    --detection 1.
+    Two files are written to the folder DIR. A summary and the command that evaluates
+    the files are printed. The value 0 leaves out an error of the tracker; --detection 1
+    leaves out misses.
 
     \b
     Examples:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 VERBS = {
     "evaluate": ("evaluate", "Evaluate an estimate; the verb if none is given."),
     "inspect": ("inspect", "Show what is in the files, and what looks wrong."),
-    "explain": ("explain", "Show which single repairs would save most, proven."),
+    "explain": ("explain", "Show which single repairs would save most, with proof."),
     "gate": ("gate", "Fail a CI job if the estimate got worse."),
     "compare": ("compare", "Rank several estimates, or compare solvers."),
     "batch": ("batch", "Evaluate a whole benchmark or study."),

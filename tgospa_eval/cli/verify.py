@@ -38,7 +38,7 @@ NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
         *(
             Option(
                 f"--{OPTION_SPECS[name].key} FILE",
-                f"With the original files: the one that --{OPTION_SPECS[name].key} named.",
+                f"With TRUTH ESTIMATE: your copy of the file of --{OPTION_SPECS[name].key}.",
                 section="Files",
                 type=PATH,
             )
@@ -68,11 +68,11 @@ def command(
 ) -> None:
     """Check the proof in FOLDER, which evaluate --proof has written.
 
-    From the tables, the assignment and the prices in it both bounds are computed
-    again, in exact integers, by a program of one file that shares nothing with the
-    solver. With the original files TRUTH and ESTIMATE it is also checked that the
-    tables follow from them, and the digests of what was compared. No file is
-    opened that only the proof names.
+    Both bounds are computed again, in exact integers, from the tables, the assignment
+    and the prices in FOLDER. The program that does so is a single file, which shares
+    nothing with the solver. If the original files TRUTH and ESTIMATE are given, the
+    tables and digests are also checked against them. A file that only the proof names
+    is not opened.
 
     \b
     Examples:

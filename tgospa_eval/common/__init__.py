@@ -1,1 +1,1 @@
-"""Helpers of every room: messages, files, progress, numbers as text."""
+"""Helpers for the whole package: messages, files, progress, numbers as text."""

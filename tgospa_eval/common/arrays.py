@@ -13,7 +13,7 @@ Mask = NDArray[np.bool_]
 
 
 def concatenated(begin: Ints, count: Ints) -> Ints:
-    """Return the numbers begin[i], begin[i] + 1, ... of each range, as many as its count."""
+    """Return the numbers begin[i], begin[i] + 1, ... of each range, count[i] of range i."""
     end = count.cumsum()
     numbers: Ints = (begin - end + count).repeat(count)
     numbers += np.arange(len(numbers))
@@ -21,14 +21,14 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
 
 
 def stretches(count: Ints, size: int) -> Ints:
-    """Return the begins, and the end, of stretches of items with a total count of about `size`."""
+    """Split items into runs of about `size` in total; return where each begins, then the end."""
     before = np.cumsum(count) - count
     begins: Ints = np.append(np.flatnonzero(np.diff(before // size, prepend=-1)), len(count))
     return begins
 
 
 def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) -> Iterator[list[T]]:
-    """Yield the items in lists of at least `batch_size` together, except for the last.
+    """Yield the items in lists with a total size of at least `batch_size`, except for the last.
 
     The same list is emptied and filled again, so that only one batch is in memory.
     """

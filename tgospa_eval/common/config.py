@@ -208,7 +208,7 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Options: their properties, beside the fields of the records with their values.
+# Specifications of options. Records of options have a field for the value of each option.
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ class OptionSpec:
     methods : sequence of str
         Reductions with the option, if not all have it.
     parts : str
-        What to do instead where data in parts do not support it; blank if they do.
+        What to do instead if data in parts do not support the option; blank if they do.
     """
 
     section: str

@@ -1,8 +1,9 @@
 """JSON documents: read strictly, and checked against a description of their fields.
 
-A description is a `FieldKind` for a value, a list with the description of its items, or a dict with
-the description of each field by name, and under ``...`` that of all other fields. `Maybe` is for
-fields that may be missing, `Closed` for objects without other fields.
+A description of a value is a `FieldKind`. For a list, it is a list with the description of the
+items. For an object, it is a dict with the description of each field by name; the key ``...`` has
+the description of all other fields. `Maybe` is for fields that may be missing, `Closed` for objects
+without other fields.
 """
 
 import json
@@ -139,7 +140,7 @@ def strict_json(text: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        The text is not JSON, or has one of them.
+        The text is not JSON, or has NaN, an infinity or a repeated name.
     """
     if isinstance(text, bytes):
         text = text.decode("utf-8-sig")
@@ -154,7 +155,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Build an object with distinct names; JSON would take the last of two."""
+    """Build an object, and refuse a repeated name: JSON would keep its last value."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if name in members:

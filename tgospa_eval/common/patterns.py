@@ -40,7 +40,7 @@ def matching_paths(
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the paths that match a pattern below a folder, in order, with the values of its fields.
 
-    A field matches one part of a path, or a piece of one, and has the same value everywhere. Names
+    A field matches one part of a path, or a piece of a part, and has one value everywhere. Names
     that begin with a dot match only a dot in the pattern.
     """
     for path, values in _all(pattern, folder, inside):

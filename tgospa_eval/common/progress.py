@@ -93,7 +93,7 @@ class Progress:
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
-        """Begin to solve; `scale` makes TGOSPA of a total cost in units of the cutoff."""
+        """Begin to solve; `scale` converts a total cost, in units of the cutoff, to TGOSPA."""
         self.scale, self.bracket, self.stoppable = scale, None, True
 
     @contextmanager
@@ -163,7 +163,7 @@ class BackgroundTask(Generic[T]):
             self._failure.append(error)
 
     def wait(self, seconds: float) -> bool:
-        """Wait at most so many seconds; return whether the task has ended."""
+        """Wait at most this many seconds; return whether the task has ended."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
@@ -191,7 +191,7 @@ class Limit:
 
     @classmethod
     def of(cls, seconds: float | None, progress: Progress) -> "Limit":
-        """Return a limit of so many seconds from now; None means no limit."""
+        """Return a limit of this many seconds from now; None means no limit."""
         deadline = None if seconds is None else time.monotonic() + seconds
         return cls(deadline=deadline, progress=progress)
 
@@ -218,7 +218,8 @@ class Limit:
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
-"""Seconds of work that show its pace, and seconds of remaining work that make a notice useful."""
+"""After `PACED_FROM` seconds of work its pace is known. A notice is useful if the remaining work
+takes `ANNOUNCED_FROM` seconds or more."""
 
 
 class Stopwatch:

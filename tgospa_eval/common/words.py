@@ -68,7 +68,7 @@ def shortest(value: float, noise: float) -> float:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """Format a value with so many significant digits, and commas between thousands.
+    """Format a value with this many significant digits, and commas between thousands.
 
     Below `THOUSANDS` all digits before the point are written, after rounding.
     """

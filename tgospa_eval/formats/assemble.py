@@ -48,7 +48,8 @@ def no_classes() -> str:
 
 def centres_compared() -> str:
     """Return the notice that boxes are compared as points."""
-    return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
+    overlap = option("distance", "iou")
+    return f"boxes are compared by their centres (x, y); {overlap} compares their overlap"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:

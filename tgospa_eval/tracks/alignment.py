@@ -113,8 +113,8 @@ class TimeMatching:
         ]
         if chosen and self.max_gap is None:
             raise ConfigError(
-                f"{chosen[0]} needs {option('max_gap')}, the longest time between two states of a "
-                "track to interpolate across"
+                f"{chosen[0]} needs {option('max_gap', metavar='DT')}: longer gaps between two "
+                "states of a track are not interpolated"
             )
         if self.max_gap is not None and not chosen:
             raise ConfigError(

@@ -388,8 +388,12 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
 @pytest.mark.parametrize(
     ("files", "patterns", "message"),
     [
-        (["1/gt", "2/gt", "1/a"], ["*/gt", "*/a"], "2/a.csv: no such file; other patterns have it"),
-        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: the other patterns have no such run"),
+        (
+            ["1/gt", "2/gt", "1/a"],
+            ["*/gt", "*/a"],
+            "2/a.csv: no such file, but other patterns have this run",
+        ),
+        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: this run is missing in other patterns"),
         (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
         (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
         (["1/gt", "1/a"], ["*/gt", "*/*"], "must have one *"),
@@ -460,13 +464,13 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
     Path("out/a/by-r2.csv").unlink()
     answer = invoke(*arguments)
     assert answer.status == 3
-    assert "out/a/by-r2.csv: no such file; other patterns have it" in answer.err
+    assert "out/a/by-r2.csv: no such file, but other patterns have this run" in answer.err
 
 
 @pytest.mark.parametrize(
     ("paths", "message"),
     [
-        (("gt/{run}.csv", "a.csv"), "a.csv: has no {run}, but gt/{run}.csv has"),
+        (("gt/{run}.csv", "a.csv"), "a.csv: has no {run}, but gt/{run}.csv has it"),
         (("gt/{run}.csv", "out/*.csv"), "out/*.csv: has a *, and gt/{run}.csv has fields"),
         (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
         (

@@ -109,7 +109,7 @@ def test_runs_without_steps() -> None:
     assert [(curve.kind, curve.runs) for curve in found] == [
         ("step", [2]), ("cumulative", [2]), ("growing", [1])
     ]  # fmt: skip
-    assert "1 of 2 runs have no values of the steps up to each step" in notes[0]
+    assert "1 of 2 runs have no stored values of the steps up to each step" in notes[0]
 
 
 def test_runs_with_stamps_of_their_own_are_told() -> None:

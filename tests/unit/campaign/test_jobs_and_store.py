@@ -76,7 +76,7 @@ def test_a_seqmap_keeps_what_is_missing_of_other_sequences_out(tree: Path) -> No
     assert len(plan.jobs) == 2
     lone = os.path.join("g", "s1-DPM/gt/gt.txt"), os.path.join("t", "a/data/s1-DPM.txt")
     assert f"{lone[0]}: there is no estimate {lone[1]}" in plan.faults
-    assert plan.faults[-1] == "sequence s7: no tracker has it together with a truth"
+    assert plan.faults[-1] == "sequence s7: there is no truth, or no tracker has it"
 
 
 def test_layout_of_kitti_as_trackeval_has_it(tree: Path, write: Write) -> None:

@@ -113,7 +113,7 @@ def test_runs(save: Save, invoke: Invoke) -> None:
     assert ranking(invoke, "a/*")["estimates"][0]["total"] == pytest.approx(5)
     answer = invoke("compare", "a/*", "b/1")
     assert (answer.status, answer.err) == (
-        2, "b/1: has no * for the run, but other results have\n",
+        2, "b/1: has no * for the run, but other results have one\n",
     )  # fmt: skip
 
 
@@ -185,7 +185,7 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 
 NO_RANKING = (
     (["moved"], "no order: not judged on the same truth (a, a/result.json: 3 "),
-    (["wide"], "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
+    (["wide"], "a/result.json: cutoff is 6.0, not 5.0; switch_penalty is 2.0, not 1.0"),
     (["a.csv"], "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
     (["none"], "none: is not a saved result, but a is"),
     (["baseline.json"], "baseline.json: is not a saved result, but a is"),

@@ -346,7 +346,7 @@ def test_other_parameters_are_other_groups_too() -> None:
 @pytest.mark.parametrize(
     ("rows", "by", "note"),
     [
-        (table({"a": A, "b": B}), "sequence", "sequence is not ranked: no truth is evaluated"),
+        (table({"a": A, "b": B}), "sequence", "sequence is not ranked: no truth has a job"),
         (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
         (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
     ],

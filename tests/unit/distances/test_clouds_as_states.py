@@ -910,7 +910,7 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
         assert (status, text in err) == (2, True)
     points = write("points.csv", "id,t,x\n1,0,1\n")
     status, _, err = invoke("reduce", points, "o.csv", "-n", "2")
-    assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
+    assert (status, "points.csv: no particles; with a column weight, the rows" in err) == (3, True)
     status, out, _ = invoke("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
     assert "1 cloud, 100 particles -> 10" in out
 

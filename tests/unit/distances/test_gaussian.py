@@ -793,9 +793,9 @@ def test_notices_about_points(write: Write, invoke: Invoke) -> None:
     points, law = write("t.csv", "id,t,x,y\na,1,0,0\n"), write("e.csv", HEADER + GOOD)
     said = invoke(points, law, *GAUSSIAN).err
     assert "t.csv: no columns of covariances (cov_xx, cov_xy, cov_yy): its states are poi" in said
-    assert "a smaller covariance of the estimate always costs less" in said
+    assert "smaller covariances of the estimate always cost less" in said
     assert "smaller" not in invoke(law, points, *GAUSSIAN).err
-    assert "gaussian-wasserstein is the euclidean" in invoke(points, points, *GAUSSIAN).err
+    assert "gaussian-wasserstein equals the euclidean" in invoke(points, points, *GAUSSIAN).err
     assert "covariances" not in invoke(law, law, *GAUSSIAN, "-q").err
 
 

@@ -240,7 +240,7 @@ def test_a_loop(arrays: tuple[np.ndarray, np.ndarray], expected: Result) -> None
         (([6], [], [], [], []), "no time"),
         ((6, None, [], [], []), "truth: ids are of the type NoneType"),
         ((6, [1, "1"], [[0, 0], [1, 1]], [], []), 't = 6, truth: id "1" is a duplicate'),
-        ((6, [1], [[0, 0, 0]], [], []), "truth: states of 3 components, those of truth at t = 5"),
+        ((6, [1], [[0, 0, 0]], [], []), "truth: states have 3 components, but 2 in truth at t = 5"),
         ((6, [], [], [1], [[0, 0], [1, 1]]), "estimate: 1 ids and states of shape .2, 2."),
         ((6, [1], [0, 0], [], []), "1 ids and states of shape .2,."),
         ((6, [1], [[np.inf, 0]], [], []), "infinite"),

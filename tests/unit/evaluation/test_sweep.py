@@ -144,8 +144,8 @@ def test_sinkhorn_has_a_bracket_at_each_point() -> None:
 @pytest.mark.parametrize(
     ("options", "part"),
     [
-        ({"cutoff": 5.0}, "none is a sequence"),
-        ({"cutoff": [5.0], "order": [1, 2]}, "cutoff and order is a sequence"),
+        ({"cutoff": 5.0}, "sequences here: none"),
+        ({"cutoff": [5.0], "order": [1, 2]}, "sequences here: cutoff and order"),
         ({"cutoff": []}, "no value"),
         ({"cutoff": [5.0, 5.0]}, "cutoff 5 is given twice"),
         ({"order": [0.5, 1.0]}, "order is 0.5"),

@@ -238,7 +238,7 @@ def make_entry(
 def with_nights(entry: Json, before: Json | None) -> Json:
     """Add the values of earlier nights to an entry, unless they belong to other data.
 
-    The same estimate again is not a further night, because it would add a spread of zero.
+    An estimate that the newest night already has is not a further night: it would show no spread.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -317,7 +317,7 @@ def value_at(values: Json, path: str) -> Any:
 
 
 CHANGED = "not judged on the same"
-"""Beginning of notes about ground truths that changed."""
+"""Beginning of notes about a changed ground truth."""
 
 
 def differences(entry: Json, now: Measured) -> list[str]:
@@ -335,18 +335,18 @@ def differences(entry: Json, now: Measured) -> list[str]:
             for name in COVERAGE_FIELDS
             if name != "truth_sha256"
         ):
-            wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
+            wrong = f"{CHANGED} truth: its states changed, but not their number or steps"
         return [*reasons, f"{wrong}; if that is right, renew the baseline"]
     return [*reasons, f"{wrong}; {judge_alike()}"] if wrong else reasons
 
 
 def check_equal(entry: Json, now: Measured) -> None:
-    """Check that two intervals of the same comparable data overlap.
+    """Check that a result and an entry of the same estimate have bounds that overlap.
 
     Raises
     ------
     SolverError
-        The intervals do not overlap.
+        The bounds of the same data do not overlap.
     """
     own, old = (
         [Interval(lower=low, upper=high)]

@@ -7,16 +7,16 @@ of its seeds (`jumps`). A jump of a group within its limit does not fail. With `
 above its limit always fails. Absolute limits, values of assigned pairs, and groups with one run per
 scene are judged by the sums without a test.
 
-A dead run always fails, whatever the limit is. A dead run misses more states than halfway from the
-largest number that a run of its scene missed in the baseline to all states; a quarter of the way is
-enough if its number of misses is a jump.
+A dead run always fails, whatever the limit is. The measure is the largest number of states that a
+run of its scene missed in the baseline. A run is dead if it misses more than halfway from this
+number to all states. A quarter of the way is enough if its number of misses is a jump.
 
 All groups of a table are also judged together, as one more group, which shows small changes that
 all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
 limit fails in at most 1 - confidence of its gates, for any number of groups and rules. To this end
 p values are adjusted (Holm 1979, with weights). Each rule of a table has the same share of the
-error. `OF_ALL` of this share is for all groups together. Single groups share the rest equally,
-because jumps also find large changes of a single group.
+error. `OF_ALL` of this share is for all groups together. Single groups share the remaining error
+equally, because jumps also find large changes of a single group.
 """
 
 import math
@@ -61,7 +61,7 @@ SHOWN = 5
 """Largest number of runs that a sentence names."""
 
 MIN_STATES = 10
-"""Fewest ground-truth states with which a run that reports some states can be dead."""
+"""A run that reports some states can be dead only if the truth has at least this many states."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
@@ -139,7 +139,7 @@ class Group:
     name : str
         The pattern with the labels of the group.
     scenes : tuple of SceneRuns
-        Scenes with runs on both sides.
+        Scenes with new runs and runs of the baseline.
     faults : tuple of str
         Reasons why the group cannot be compared.
     notes : tuple of str
@@ -175,7 +175,7 @@ def judge_groups(
     now, old : mapping
         New results and the entries of the baseline, by name of the pair.
     labels : mapping of str to mapping
-        Labels of the pairs of both sides, by name.
+        Labels of new pairs and of pairs of the baseline, by name.
     failed : iterable of str
         Pairs that could not be evaluated, so that their groups cannot be judged.
     strict : bool
@@ -382,7 +382,7 @@ def _group(
             ]
         elif len(mine) > len(common):
             notes.append(
-                f"{where}: {len(mine) - len(common)} runs are not in the baseline: left out"
+                f"{where}: {len(mine) - len(common)} runs, not in the baseline, are left out"
             )
         faults += reasons[:1]
         names = common or mine
@@ -396,7 +396,7 @@ def _group(
             )
         )
     if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
-        faults.append("the seeds are others than in the baseline, and there is one run of each")
+        faults.append("the seeds differ from the baseline, and each scene has only one run")
     orders = {one.order for scene in scenes for one in scene.now}
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
@@ -410,9 +410,9 @@ class Stratum:
     Parameters
     ----------
     allowed : array, shape (n,)
-        Largest value that keeps the limit, for each run of the baseline.
+        Largest value within the limit, for each of the n runs of the baseline.
     now : array, shape (m,)
-        Values of the new runs, in the order of `allowed` if `paired`.
+        Values of the m new runs, in the order of `allowed` if `paired`.
     paired : bool
         Whether the runs have the same seeds, in this order.
     weight : float
@@ -472,8 +472,10 @@ class Summed:
         The runs.
     part : pair of str
         The class, if any, and the value of a run that is summed.
-    base, limit : float
-        Sum of the baseline, scaled to the number of new runs, and the largest allowed sum.
+    base : float
+        Sum of the baseline, scaled to the number of new runs.
+    limit : float
+        Largest allowed sum.
     of_sum : callable
         Callable that receives a sum and returns the value of the rule: the sum or its root.
     """
@@ -556,7 +558,7 @@ class Summed:
         return replace(self.finding, verdict=verdict, inference=inference)
 
     def better(self) -> list[Stratum]:
-        """Return the strata for the test that the values are below the baseline less the slack."""
+        """Return the strata for the test that the values are below the baseline minus the slack."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
         scenes = []
         for scene in self.group.scenes:
@@ -567,7 +569,7 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
-    """Return the strata of one scene: one, or one for each run if paired runs have nights."""
+    """Return the strata of a scene: one for each run if paired runs have nights, else only one."""
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)

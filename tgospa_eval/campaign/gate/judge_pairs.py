@@ -43,19 +43,19 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.quoting import option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
-"""Keys of rules in a suite, and the parameters of the same rules."""
+"""Parameters with rules, by their keys in a suite."""
 
 Evaluated = tuple[Row, Mapping[str, object]]
 """The row of a pair, and the options that made it."""
 
 Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
-"""Callable that evaluates jobs and yields rows in order; baseline options replace defaults."""
+"""Callable that evaluates jobs and yields rows in order; a baseline gives default options."""
 
 
 def tables_of(
     gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
 ) -> list[GroupTable]:
-    """Return the groups of a suite, or one made from the options of the command line.
+    """Return the groups of a suite, or the group that the options of the command line define.
 
     Raises
     ------
@@ -181,7 +181,9 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
         )
         if written < oldest and not pair.fault:
             times = (str(datetime.fromtimestamp(one)) for one in (written, oldest))
-            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
+            fault = "{}: was written {}, before {}: did the tracker run?".format(
+                pair.estimate, *times
+            )
             pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
         yield pair
 
@@ -260,7 +262,9 @@ def _judge_all(
     strict: bool,
 ) -> list[PairOutcome]:
     """Judge all groups and pairs; a wrong file does not stop the other pairs."""
-    missing = f"no such file: {path}" if baseline is None else f"not in {path}"
+    missing = f"not in {path}"
+    if baseline is None:
+        missing = f"the baseline {path} does not exist; {option('update_baseline')} makes it"
     old = baseline or {}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {pair.name: pair.labels for pair in pairs}

@@ -47,15 +47,17 @@ class Rises:
     Parameters
     ----------
     rises : array, shape (m,)
-        Rise of each run.
+        Rise of each of the m runs.
     size : array, shape (m,)
         Variance of each rise, in units of the variance of one value.
     of_mean : float
         Variance of the mean of the rises, in the same units.
     outside : bool array, shape (m,)
         Whether the run is above all runs of the baseline.
-    squares, freedom : float
-        Sum of squares of the baseline and its degrees of freedom.
+    squares : float
+        Sum of squares of the baseline.
+    freedom : float
+        Degrees of freedom of `squares`.
     min_scatter : float
         Smallest scatter that is assumed for a single value.
     ever : float

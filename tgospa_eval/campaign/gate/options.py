@@ -17,11 +17,11 @@ _gate = partial(setting, "Gate", stored=False)
 class GateOptions(Values):
     """Rules to judge by, settings of the evaluation, and files to write.
 
-    Values override each other in this order, the strongest first: flag, environment, suite,
-    configuration file, baseline, default. `evaluation` has the options of the evaluation by field.
-    `sources` has the source of the value of each parameter: ``commandline``, ``environment``,
-    ``default_map`` for a configuration file, or ``default``. `typed` has the arguments of the
-    command line, for commands that messages propose.
+    A value comes from the first of these that has it: flag, environment, suite, configuration file,
+    baseline, default. `evaluation` has the options of the evaluation by field. `sources` has the
+    source of the value of each parameter: ``commandline``, ``environment``, ``default_map`` for a
+    configuration file, or ``default``. `typed` has the arguments of the command line, for commands
+    that messages propose.
     """
 
     baseline: str | None = _stored(
@@ -70,13 +70,13 @@ class GateOptions(Values):
     against: str | None = _gate(
         "--against TARGET",
         "Judge the estimates of this branch by the suite, the baseline, the truths and the "
-        "configuration of the target branch, a git revision such as origin/main, or of a folder, "
-        "./target. Files of these kinds in this branch, and the environment, are ignored.",
+        "configuration of a target: a git revision such as origin/main, or a folder such as "
+        "./target. Such files of this branch, and environment variables, are ignored.",
     )
     newer_than: str | None = _gate(
         "--newer-than FILE|TIME",
-        "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: the "
-        "tracker did not run.",
+        "Fail estimates that are older than this file or time (2026-11-28T06:00): the tracker did "
+        "not run.",
     )
     output: str | None = _gate(
         "-o, --output DIR",
@@ -95,8 +95,8 @@ class GateOptions(Values):
     group: str | None = _gate(
         "--group LABELS",
         "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
-        "judge the sums by --fail-on; all adds up all. Runs with different seeds show whether a "
-        "change is more than noise.",
+        "judge the sums by --fail-on. The label all adds up all pairs. Runs with different seeds "
+        "show whether a change is more than noise.",
     )
     confidence: float | None = _gate(
         "--confidence P",

@@ -63,9 +63,9 @@ class PairOutcome:
     status : int
         Exit status.
     findings : tuple of Finding
-        One for each rule.
+        A finding for each rule.
     changes : mapping of str to pair of float
-        Values before and after an update, by path; None for a value that does not exist.
+        Values before and after an update, by path; None for a missing value.
     notes : tuple of str
         Reasons and remedies for the user.
     seconds : float
@@ -129,7 +129,7 @@ class Report:
     baseline : str
         Path of the baseline.
     outcomes : tuple of PairOutcome
-        Outcomes in the order of the suite, those of groups first.
+        Outcomes of groups, then those of pairs in the order of the suite.
     version : str
         Version of the program.
     again : tuple of str
@@ -237,8 +237,8 @@ def combined_outcome(
 
 
 TIGHTER = (
-    "baseline can be tightened: {} is better than the baseline by more than its rule allows it to "
-    "be worse"
+    "baseline can be tightened: {} is better than the baseline, by more than the rule would allow "
+    "if it were worse"
 )
 
 
@@ -416,7 +416,7 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """Return the outcome; that of a failed group has notes on its parts, worst scenes and runs."""
+    """Return the outcome, for a failed group with notes on its parts, worst scenes and runs."""
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
     for name in results if one.group and one.verdict is Verdict.FAIL else ():

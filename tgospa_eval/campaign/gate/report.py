@@ -179,7 +179,7 @@ def _prefix(names: Sequence[str]) -> str:
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """Count the first parts that all have in common, so that at least one part of each remains."""
+    """Count the first parts that all names share; at least one part of each name is not counted."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
@@ -610,7 +610,7 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Return the seeds, and for each scene a cell for each seed, of the pairs with values."""
+    """Return the seeds of pairs with values, and for each scene a cell for each seed."""
     scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:

@@ -1,4 +1,4 @@
-"""Rules of a gate: limits for values with brackets, and the verdicts that brackets prove."""
+"""Rules of a gate: limits for values, and verdicts that the bounds of a value prove."""
 
 import math
 import re
@@ -15,7 +15,7 @@ from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import NUMBERS, SUMMARY, names_summary
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
-"""Values with a proven bracket."""
+"""Values with proven lower and upper bounds."""
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 """Values of one optimal assignment; another one may split the same total differently."""
@@ -40,7 +40,7 @@ TOLERANCE = 1e-6
 """Tolerance of rules on the split: in counts, or in units of c^p."""
 
 MIN_SLACK = 1e-9
-"""Smallest slack of the default rule, in units of c^p."""
+"""Smallest rise that the default rule allows, in units of c^p."""
 
 NO_CHANGE = 1e-9
 """Largest relative change that does not count as an improvement."""
@@ -94,14 +94,14 @@ def worst(statuses: Iterable[int]) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Value(Interval):
-    """A number with its bracket.
+    """A number with its lower and upper bound.
 
     Parameters
     ----------
     lower, upper : float
-        The bracket; both are the reported number for a value of the split.
+        The bounds. For a value of the split, both are the reported number.
     proven : bool
-        Whether the bracket is proven.
+        Whether the bounds are proven.
     unit : float
         Scale of tolerances: c^p for costs, 1 for counts.
     """
@@ -131,11 +131,11 @@ class Rule:
     path : str
         Name of the value.
     slack : float
-        Allowed distance from the baseline to the worse side; the limit itself if `absolute`.
+        Largest allowed change for the worse; the limit itself if `absolute`.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
-        Smallest slack, in units of the value.
+        Smallest slack, as a multiple of `Value.unit`.
     absolute : bool
         Whether the limit is independent of the baseline.
     is_minimum : bool
@@ -154,7 +154,7 @@ class Rule:
     warns: bool = False
 
     def limit(self, base: float | None, unit: float) -> float:
-        """Return the last value that keeps the rule, given the value of the baseline."""
+        """Return the worst value that the rule allows, given the value of the baseline."""
         if self.absolute:
             return self.slack
         if base is None:
@@ -189,9 +189,10 @@ class Inference:
     noticeable : float
         Relative change from the baseline that these runs would detect; may be infinite.
     better : float
-        p value of the test that the tracker is better than the baseline by the slack of the rule.
+        p value of the test that the tracker is better than the baseline by at least the slack.
     jump : str
-        Sentence about the scene or run that is a jump; blank without a jump.
+        Sentence about a scene or run that is far above the usual spread of its seeds (a jump);
+        blank if there is none.
     """
 
     p_value: float
@@ -219,7 +220,7 @@ class Finding:
     base : float or None
         Value of the baseline.
     limit : float
-        The last value that keeps the rule.
+        The worst value that the rule allows.
     now : Value
         Value of this run.
     verdict : Verdict
@@ -263,7 +264,7 @@ class Finding:
 
 
 def judge(rule: Rule, now: Value, base: float | None) -> Finding:
-    """Judge whether the value keeps the rule, as far as its bracket proves it.
+    """Judge whether the value keeps the rule, as far as its bounds prove it.
 
     Raises
     ------
@@ -338,9 +339,9 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Return the rules of texts with one or several rules; with `default` the default rule.
+    """Parse all rules; a text may have several, with commas.
 
-    `default` applies if `fail_on` is empty.
+    If `fail_on` is empty and `default` is true, the default rule is added.
 
     Raises
     ------

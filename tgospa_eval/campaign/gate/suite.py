@@ -256,7 +256,7 @@ def load_suite(
     known : mapping of str to bool
         Options that a suite may set, and whether each is a flag.
     target : Target, optional
-        Target that has the suite; pairs whose files only the target has become faults.
+        Target that has the suite. A pair whose files only the target has gets a fault.
 
     Raises
     ------
@@ -307,7 +307,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs; the rules of the pairs that match are merged with those of the table."""
+    """Return all pairs; those that match get the rules of the table, merged with their own."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -319,7 +319,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Return the rules with `own` rules: these replace those of ``fail-on``, and extend others."""
+    """Return the rules with `own` added; rules of ``fail-on`` in `own` replace all earlier ones."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -365,7 +365,7 @@ def make_group(
         if label not in labels:
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
-            raise ConfigError(f"{where}: {quoted(name)}: runs of a group differ in {{{seed}}}")
+            raise ConfigError(f"{where}: {quoted(name)} has {{{seed}}}, in which its runs differ")
     rules_of_group = tuple(parse_rules(*rules))
     return GroupTable(name=name, rules=rules_of_group, confidence=float(confidence), seed=seed)
 
@@ -408,7 +408,7 @@ def _pairs(
     ]
     if unmatched:
         which = listed([os.path.join(folder, file) for file in unmatched], 3)
-        notices.append(f"{which}: no truth is like {quoted(truth)}: not judged")
+        notices.append(f"{which}: not judged: no truth matches {quoted(truth)}")
     for file, _ in estimates if own_fields else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} match {file} in two ways"
@@ -435,7 +435,7 @@ def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
-            fault = f"there is no such file, and {target.where} has it"
+            fault = f"this branch lacks the file, but {target.where} has it"
             yield Job(name=path, truth=truth, estimate=estimate, fault=fault)
 
 

@@ -56,8 +56,8 @@ COMPARE_OPTIONS = (
     _study("--targets NUMBERS", "Numbers of targets, with commas.", default="10,20,50"),
     _study(
         "--steps NUMBERS",
-        "Numbers of time steps, with commas, each with each number of targets. With files instead "
-        "FIRST:LAST[:EVERY]: evaluate exactly these steps, as evaluate does.",
+        "Numbers of time steps, with commas; each is combined with each number of targets. With "
+        "files, FIRST:LAST[:EVERY] names the steps to evaluate, as for evaluate.",
         show_default="50,100; all times of files",
     ),
     _study("--runs N", "Number of scenes of each size.", type=click.IntRange(min=1), default=10),
@@ -107,10 +107,10 @@ def command(
 ) -> None:
     """Rank several estimates of a truth, or compare solvers on one estimate.
 
-    Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
-    memory. Three or more, TRUTH A B, are a ranking: which estimate is proven to be
-    better, and by what. Fields in quotes, as of batch, stand for several runs, and
-    those that only estimates have for several estimates; so does a * for runs. Saved
+    Two files, TRUTH ESTIMATE, compare solvers: bounds, errors, time and memory.
+    Three or more, TRUTH A B, are ranked: which estimate is proven to be better, and
+    by what. A pattern in quotes stands for several files: * or a field such as {run}
+    for several runs, a field that only estimates have for several estimates. Saved
     results (folders of -o, or their result.json) are ranked as they are.
 
     \b

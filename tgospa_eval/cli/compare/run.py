@@ -99,7 +99,7 @@ def make_solvers(
     names: str,
     temperatures: str = TEMPERATURES,
 ) -> list[Solver]:
-    """Return the requested solvers, by default of these names; `sinkhorn` once a temperature.
+    """Return the requested solvers, or else those of `names`; `sinkhorn` once per temperature.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
 
 
 # -------------------------------------------------------------------------------------------------
-# Rankings: of estimates of one truth, or of that of each run, and of saved results.
+# Rankings of estimates of one truth or of a truth for each run, and of saved results.
 
 
 def compare_estimates(
@@ -171,7 +171,7 @@ def compare_estimates(
     *,
     per_step: bool,
 ) -> bool:
-    """Rank estimates of one truth, or of one truth a run; return whether all reached the accuracy.
+    """Rank estimates of one truth or of a truth per run; return whether all are accurate enough.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def compare_files(
 ) -> bool:
     """Run one pair through several solvers; return whether all finished as requested, and agree.
 
-    `spare` omits an exact reference that takes minutes.
+    `spare` leaves out an exact solver that takes minutes.
 
     Raises
     ------

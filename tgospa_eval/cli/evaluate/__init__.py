@@ -19,7 +19,7 @@ MANY = 8
 
 
 class Files(Verb):
-    """Arguments that propose another verb for one file, or for more than two."""
+    """Command whose errors propose another verb for one file, or for more than two."""
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
@@ -45,8 +45,8 @@ class Files(Verb):
         click_builder.SLICE,
         Option(
             "--sweep NAME=VALUES",
-            "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
-            "values from 1 to 20, gamma=1:20:12:log.",
+            "Evaluate for each value of c, p, gamma or rho: c=2,5,10, or gamma=1:20:12 for 12 "
+            "values from 1 to 20. gamma=1:20:12:log makes their ratios equal.",
             section="Output",
             multiple=True,
         ),
@@ -59,7 +59,7 @@ class Files(Verb):
         Option(
             "--geojson",
             "With -o, write result.geojson as well: tracks, misses, false targets, errors and "
-            "switches with times and costs, for programs with maps. Of places on the Earth.",
+            "switches with times and costs, for maps. The states must be places on the Earth.",
             section="Output",
         ),
         *(
@@ -77,8 +77,8 @@ def command(
     """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
 
     Both are tables with the columns id,t,x[,y[,z]] and one row per object and time
-    step (CSV or Parquet), or MOTChallenge or KITTI text. Where an object has no row,
-    it does not exist at that step. A folder of such tables is one recording in parts,
+    step (CSV or Parquet), or MOTChallenge or KITTI text. An object without a row at
+    a step does not exist at that step. A folder of such tables is one recording in parts,
     of any size.
 
     \b

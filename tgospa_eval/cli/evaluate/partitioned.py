@@ -61,7 +61,7 @@ def evaluate_parts(
         probed_folder(options, output, TABLE_FILES)
     stopwatch = new_stopwatch(quiet=output.quiet)
     if not output.quiet:
-        print_notice(f"{why}: it is read in parts")
+        print_notice(f"{why}: the data are read in parts")
         for text in about_defaults(options, boxes=False):
             print_notice(text)
     identity = identity_of(paths, options)

@@ -74,7 +74,7 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
 
 
 def side_option(name: str, side: str) -> Option:
-    """Return an option of truth or estimate for a side of another name: ``--a-format``."""
+    """Return an option of truth or estimate for a side with another name: ``--a-format``."""
     field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
     about: OptionSpec = field.metadata["setting"]
     declaration, text = about.declaration.replace(role, side), about.help
@@ -104,8 +104,8 @@ REDUCTION = tuple(
 
 CONFIG_FILE = Option(
     "--config FILE",
-    "Read settings from a TOML file, by the names of these options. A file that is found in the "
-    "folder, without this option, can set only what is evaluated.",
+    "Read settings from a TOML file, whose keys are the names of these options. Without this "
+    "option, a file in the current folder is used, which can set only what is evaluated.",
     section="General",
     is_eager=True,
     callback=load_config,

@@ -38,12 +38,13 @@ MIN_DIGITS, MAX_DIGITS = 5, 9
 """Digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
-"""Without a terminal: seconds before the first line, and largest time between two lines. The time
-between lines doubles up to that."""
+"""Without a terminal, the first line comes after `FIRST` seconds. The time between two lines
+doubles until it is `SELDOM` seconds."""
 
 
 LONG, NEAR = 10.0, 0.01
-"""Seconds of work, and relative difference of the bounds, that make stopping worth a hint."""
+"""After `LONG` seconds of work, bounds with a relative difference up to `NEAR` are worth a hint to
+stop."""
 
 ADVICE = (
     "the bounds are within 1 %: Ctrl-C stops with them; --gap and --time-limit stop automatically"

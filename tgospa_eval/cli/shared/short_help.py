@@ -140,8 +140,8 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         "Reduce": {
             "size": "particles of each cloud",
             "reduce-method": "sliced, recursive, atl, kmeans, systematic, ...",
-            "seed": "of the random choices",
-            "restarts": "starts, of which the nearest is kept",
+            "seed": "seed of the random choices",
+            "restarts": "number of starts; the best result is kept",
         },
         "Read the files": {
             "in-format": "format of the file, if it is not recognised",

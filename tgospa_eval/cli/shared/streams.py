@@ -27,7 +27,7 @@ _heard = threading.Event()
 
 
 def interrupted() -> bool:
-    """Return whether a Ctrl-C came in this process."""
+    """Return whether this process has received a Ctrl-C."""
     return _heard.is_set()
 
 

@@ -1,4 +1,4 @@
-"""Folder of ``-o``: checked before any work, made in a thread, written at once, and announced."""
+"""Folder of ``-o``: it is checked before any work, and all files are written together."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -41,8 +41,8 @@ def write_output(
     kind : Kind
         Kind of the folder.
     make : callable
-        Callable that returns the files by name. It receives a callable for the name of each
-        picture and the share of the work that is done.
+        Callable that returns the files by name. Its argument is a callable that receives the name
+        of each picture, and the share of the work that is done.
 
     Raises
     ------
