@@ -48,8 +48,7 @@ def no_classes() -> str:
 
 def centres_compared() -> str:
     """Return the notice that boxes are compared as points."""
-    iou = option("distance", "iou")
-    return f"boxes are compared by their centres (x, y); {iou} compares their overlap"
+    return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:

@@ -4,9 +4,9 @@ The published code has a structure for n trajectories, T steps and d components.
 the first step of each trajectory, counted from 1. ``iVec`` (n,) is its length. ``xState`` (d, T, n)
 has the states by step. Only states within a trajectory count, and NaN there means that the target
 is absent. A set may also be arrays of `formats.arrays`, in a structure or as variables. Or it may
-be cells with an element for each step k, as in toolboxes of random finite sets: states ``X{k}`` (d,
-n_k) and labels ``L{k}`` (l, n_k) of n_k objects. A cell or a structure array may have one set in
-each element: the runs of a Monte Carlo study.
+be cells with an element for each step k, as in toolboxes of random finite sets: ``X{k}`` (d, n_k)
+has the states and ``L{k}`` (l, n_k) the labels of n_k objects. A cell or a structure array may have
+one set in each element: the runs of a Monte Carlo study.
 """
 
 import io
@@ -421,7 +421,7 @@ def _by_step(fields: Structure, name: str) -> Structure:
         count = state.shape[1]
         if not isinstance(own, np.ndarray) or not own.size or own.size % count:
             raise InputError(
-                f"{where}: {counted(count, 'state')} need a label each; {' or '.join(LABELS)} "
+                f"{where}: {counted(count, 'state')} without labels; {' or '.join(LABELS)} "
                 "must say for each state which track it belongs to"
             )
         labels = own.T if own.shape[-1] == count else own.reshape(count, -1)

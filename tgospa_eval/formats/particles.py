@@ -77,8 +77,10 @@ class Particles:
             one = "cloud of {} particles is compared by its mean"
             many = "clouds of {} particles are compared by their means"
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
-            whole = option("distance", "cloud-wasserstein")
-            texts.append(f"{len(clouds)} {what}; {whole} compares all particles")
+            texts.append(
+                f"{len(clouds)} {what}; "
+                f"{option('distance', 'cloud-wasserstein')} compares all particles"
+            )
         if self.uneven:
             have = counted(self.uneven, "cloud has", "clouds have")
             texts.append(

@@ -200,7 +200,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Whether each side is in local axes, as a set of one value or of both."""
+        """Set with True if a side is in local axes, and with False if a side is not."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property

@@ -194,7 +194,9 @@ def test_one_guard(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r'id "2", t 2026-01-01T00:00:04\): no covariance'):
             verb(truths, gaussian, **given)
         assert verb(truths, gaussian, **given, missing_cov="zero").total > 0
-    with pytest.raises(InputError, match=r'id "1", t .* has a covariance, other states have part'):
+    with pytest.raises(
+        InputError, match=r'id "1", t .* has a covariance, but other states have part'
+    ):
         evaluate(truths, [*gaussian[:1], *clouds[1:]], **given)
     gaussian[1].states[4] = GaussianState(bare.state_vector, -np.eye(4), timestamp=bare.timestamp)
     with pytest.raises(InputError, match=r"t 2026-01-01T00:00:04\): negative .* or use fix_cov"):
