@@ -205,5 +205,5 @@ def test_one_guard(tmp_path: Path) -> None:
     assert evaluate(truths, [Track([], id="none")], **given).counts["missed"] == STEPS * TARGETS
     with pytest.raises(ConfigError, match=r"b: state vectors have 4 components.*mapping=\(0, 2\)"):
         associate(rows(truths), gaussian, 20.0)
-    with pytest.raises(InputError, match=r"a has 2 steps and b 3: arrays"):
+    with pytest.raises(InputError, match=r"a has 2 steps and b has 3: arrays"):
         associate(np.zeros((2, 1, 2)), np.zeros((3, 1, 2)), 5.0)
