@@ -223,7 +223,7 @@ def test_degrees_beside_heights_are_told_and_never_scaled(invoke) -> None:
     assert "lat, lon, alt are compared as plain numbers: degrees are added to others" in told
     assert "or use --estimate-scale alt=3.2808" in told
     told = invoke(*files, "--distance", "haversine", "-c", "300", "-g", "100").err
-    assert "haversine does not use heights; --distance geodesic does" in told
+    assert "haversine does not use heights; use --distance geodesic" in told
     local = "--estimate-crs", "enu", "--origin", "56,13", "--distance", "geodesic", "-c", "300"
     assert "leave --distance out" in invoke(*files[:2], *local).err
 
@@ -289,7 +289,7 @@ def test_what_no_sensor_reports_is_an_error() -> None:
 
 
 def test_a_weight_of_heights_needs_heights() -> None:
-    with pytest.raises(InputError, match="vertical_weight is for heights"):
+    with pytest.raises(InputError, match="vertical_weight needs heights"):
         evaluate(FLIGHT, FLIGHT, **{**EARTH, "columns": "lat,lon"}, vertical_weight=2)
 
 
@@ -343,7 +343,7 @@ def test_heights_of_both_sides_take_part() -> None:
     partly = higher.assign(altitude=[1.0, np.nan, 2.0])
     result = evaluate(truth, partly, distance="geodesic", **metric)
     assert (result.total, result.evaluated_on.truth_states) == (0, 3)
-    assert any("estimate has 1 row without (altitude)" in text for text in result.notices)
+    assert any("estimate has 1 row without heights (altitude)" in text for text in result.notices)
 
 
 def test_estimates_in_unlike_frames_clocks_and_units_are_ranked(invoke: Any) -> None:

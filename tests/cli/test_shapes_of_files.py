@@ -256,7 +256,7 @@ def test_a_folder_of_yolo_has_a_frame_a_file(invoke: Invoke) -> None:
     write("res/clip_3.txt", "0 0.2 0.3 0.05 0.1 0.87 1\n")
     write("res/other_3.txt", "0 0.2 0.3 0.05 0.1 0.87 1\n")
     answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")
-    assert "res: frames of several videos (clip_, other_); a folder for each" in answer.err
+    assert "res: frames of several videos (clip_, other_); use a folder for each" in answer.err
 
 
 def test_a_folder_of_tables_without_ids_has_an_object_a_file(invoke: Invoke) -> None:
@@ -347,7 +347,7 @@ def test_boxes_in_lists_are_corners_or_sizes(invoke: Invoke) -> None:
     paths = both("{}.json", text)
     answer = invoke(*paths, "-c", "5", "-g", "2")
     corners = "left=bbox.0,top=bbox.1,right=bbox.2,bottom=bbox.3"
-    assert f"--truth-columns {corners} if it is two corners" in answer.err
+    assert f"--truth-columns {corners} if it has two corners" in answer.err
     answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", corners)
     assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
 

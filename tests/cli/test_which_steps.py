@@ -268,7 +268,7 @@ def test_steps_without_any_row_are_no_proven_zero(files: Path, invoke: Invoke) -
         ({"resample": "3s", "max_gap": 9}, "plain numbers, whose unit is not known"),
         ({"max_gap": 3}, "is for"),
         ({"resample": "3 parsecs", "max_gap": 9}, "must be a number, or one with a unit"),
-        ({"outage": 3}, "is for interpolate"),
+        ({"outage": 3}, "needs interpolate"),
         ({"time_tolerance": "20ms"}, "plain numbers"),
     ],
 )

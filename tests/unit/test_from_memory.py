@@ -126,5 +126,5 @@ def test_a_batch_without_any_value_says_why(
 ) -> None:
     pytest.importorskip("pyarrow")
     short = {name: own[:, 1:] for name, own in study[1].items()}
-    with pytest.raises(InputError, match=r"^truth has 6 steps and estimate 5: [^\n]*$"):
+    with pytest.raises(InputError, match=r"^truth has 6 steps and estimate has 5: [^\n]*$"):
         batch(study[0], short, workers=1, **GIVEN)

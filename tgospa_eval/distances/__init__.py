@@ -1,4 +1,4 @@
-"""Base distances, from STATES to the distances of pairs of one step nearer than the cutoff.
+"""Base distances of states, and the search for pairs of one step nearer than the cutoff.
 
 Public names are imported when they are used, so that a run loads only the distance that it needs.
 """

@@ -1,7 +1,7 @@
-"""Interface of a base distance: its value for users, and points to sort for the search.
+"""Interface of a base distance: the distance of states, and points that the search sorts.
 
-`check_columns` checks that two sides can be compared, `check_states` that a distance can compare
-them.
+Truth and estimate are the two sides. `check_columns` checks that both sides have the same columns.
+`check_states` checks that a distance can compare the states of both sides.
 """
 
 from abc import ABC, abstractmethod
@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 
 
 Fault = tuple[Mask, str, str]
-"""Mask of states that are wrong in a column, the column, and the fault of the first such state."""
+"""Mask of states that are wrong in a column, name of this column, and fault of the first of
+them."""
 
 REACH_ROUNDING = 2.0**-40
-"""Share by which reaches are widened, far above rounding, so that no candidate is lost."""
+"""Share by which reaches (`Distance.reach`) are widened. It is far above rounding, so no pair is
+lost."""
 
 
 DistanceSettings = dict[str, Any]
@@ -42,7 +44,8 @@ class Pairs:
     Parameters
     ----------
     truth_row, estimate_row : (N,) int32 arrays
-        Rows of the two tables; int64 for tables with more rows than int32 can number.
+        Row of the truth and row of the estimate of each pair. The type is int64 if a table has too
+        many rows for int32.
     distance : (N,) float array
         Base distance, less than the cutoff.
     """
@@ -83,31 +86,33 @@ class Resources:
 class Distance(ABC):
     """Metric on states, with the properties that the search for near pairs needs.
 
-    The search sorts points, not states. `embed` maps states to points, and `reach` bounds the
-    differences of the coordinates of near states, so that a pair beyond a bound needs no distance.
-    Each state has its own reach, and the larger reach of a pair is the bound.
+    The search sorts points, not states. `embed` maps each state to a point. `reach` returns a reach
+    of each state on each coordinate. If two points differ on a coordinate by the larger of their
+    reaches or more, the pair is not near, and its distance is not computed.
 
     Attributes
     ----------
     name : str
         Name as on the command line.
     tree_power : float
-        Power of a Minkowski norm. For states nearer than the cutoff, this norm of the difference of
-        their points is at most 1, if every coordinate is in units of the larger of their reaches.
+        Power of a Minkowski norm. Divide the difference of two points on each coordinate by the
+        larger of their reaches. For near states this norm of the quotients is at most 1.
     columns : tuple of str, optional
         State columns that the distance needs, in order; None if it compares any columns.
     options : tuple of str
-        Options that change its settings, as fields of `api.options.Request`.
+        Options that change settings of the distance, as fields of `api.options.Request`.
     on_earth : bool
-        Whether it is in metres, between latitudes and longitudes in degrees.
+        Whether states are latitudes and longitudes in degrees, and distances are in metres.
     defaults : tuple of float
         Default cutoff and switch penalty.
     largest : float
         Upper bound of all distances.
     limits : dict of str to tuple
-        Least and largest value of a column, and both in words.
-    scale, period : sequence of float, optional
-        State units per unit of each column, and period of each column, if the distance has these.
+        For each column with limits: its least value, its largest value, and both in words.
+    scale : sequence of float, optional
+        State units per unit of each column; None if columns are not scaled.
+    period : sequence of float, optional
+        Period of each column; None if no column is periodic.
     """
 
     name: str
@@ -121,36 +126,37 @@ class Distance(ABC):
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
-        """Return the distance along the last axis of `a` and `b`, which broadcast."""
+        """Return distances of the states in the last axis of `a` and `b`; other axes broadcast."""
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of states other than points that it compares, by `Trajectories.kind`.
+        """Kinds of states besides points that the distance compares, as in `Trajectories.kind`.
 
-        They are gaussian and cloud. A distance without kinds treats all states as points; other
-        distances refuse states of other kinds.
+        The kinds are gaussian and cloud. If the result is empty, all states are treated as points.
+        Otherwise Gaussians or clouds are refused unless the result has their kind.
         """
         return ()
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Return the components (d, R) of some rows, which `between` and `embed` receive."""
+        """Return the d components of R rows (d, R), as `between` and `embed` receive them."""
         return np.ascontiguousarray(side.state[rows].T)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return the distances of the means of near pairs, and of the spreads around the means.
+        """Return for near pairs the distances of the means, and those of the spreads around them.
 
-        Their squares add up to the squared distance. The result is None for other distances.
+        Both squares add up to the squared distance. A distance that has no such parts returns None.
         """
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives of the distances of near prepared pairs by the estimate, (d, N).
+        """Return derivatives of the distances of N pairs by the d columns of the estimates, (d, N).
 
-        They are in distance per unit of each state column; for Gaussians by their means. The
-        derivative is 0 where the distance is 0, and one of the derivatives where it has a kink.
+        The pairs are near, and the sides are prepared. The unit is distance per unit of the column.
+        For Gaussians the derivatives are by the mean. They are 0 if the distance is 0. At a kink of
+        the distance, the result is one of its derivatives.
 
         Raises
         ------
@@ -163,7 +169,7 @@ class Distance(ABC):
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats | None:
         """Return derivatives of the distances of near pairs by each estimated particle, (M, d).
 
-        The particles are those of the estimates of all pairs, pair after pair. The result is None
+        The M particles are those of the estimates of all pairs, pair after pair. The result is None
         if states have no particles. The sides are as read, not prepared.
 
         Raises
@@ -174,7 +180,7 @@ class Distance(ABC):
         return None
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Return the derivative of `between` by `b`, both (d, N).
+        """Return the derivative of `between` by `b`, with the shape of `b`, (d, N).
 
         Raises
         ------
@@ -185,7 +191,7 @@ class Distance(ABC):
 
     @property
     def lower_bound(self) -> "Distance":
-        """A cheap distance of states without covariances that is at most this distance."""
+        """A cheap distance of points or means that is never larger than this distance."""
         return self
 
     def fitted(self, sides: Sides) -> "Distance":
@@ -197,39 +203,41 @@ class Distance(ABC):
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return the limit of `between` for candidates of the search."""
+        """Return the value of `between` below which a pair is a candidate of the search."""
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the near pairs among candidates, if `between` is only a lower bound."""
+        """Return the near candidates: all of them unless `between` is only a lower bound."""
         return pairs
 
     def error(self, dimension: int) -> float:
-        """Return a proven bound of the relative error of distances of points of this dimension.
+        """Return a proven bound of the relative rounding error of distances in this dimension.
 
-        It is 0 if no bound is known: then proofs hold for the computed distances.
+        It is 0 if no bound is known. In that case proofs hold for the computed distances.
         """
         return 0.0
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the distance from the cutoff within which rounding may decide, for prepared sides.
+        """Return how far from the cutoff rounding may decide which side of it a distance is on.
 
-        The rounding is that of the computation, and of the decimals of the states in their files.
+        It covers the rounding of the computation, and that of decimals in the files. The sides are
+        prepared.
         """
         return REACH_ROUNDING * cutoff
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Return a mask of the pairs that are nearer than the cutoff of each, (N,).
+        """Return for each of N pairs whether it is nearer than its own cutoff, (N,).
 
-        The computed distances decide. Distances with a closed form decide pairs within the `margin`
-        by the exact distance of the states (docs/theory/certificate.md).
+        The computed distances decide. If the distance has a closed form and a pair is within the
+        `margin` of the cutoff, the exact distance of the states decides
+        (docs/theory/certificate.md).
         """
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly the change of a distance by the last places of the smallest state.
+        """Return roughly how much the last binary places of the smallest state change a distance.
 
-        A value up to this size may come from rounding alone, and not from the digits of the data.
+        A distance up to this size may come from rounding alone.
         """
         sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in sides]
         smallest = float(np.concatenate(sizes).min(initial=np.inf))
@@ -245,17 +253,17 @@ class Distance(ABC):
         """Return the distance of states that are given component by component."""
 
     def embed(self, axes: Floats) -> Floats:
-        """Return points (e, R) of the states (d, R)."""
+        """Return the points of R states: e coordinates (e, R) from d components (d, R)."""
         return axes
 
     @abstractmethod
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach of each state (d, R) on every axis of the points, (e, R).
+        """Return the reach of each of R states on each of the e axes of the points, (e, R).
 
         The shape is (e, 1) if the reach is the same for all states. Two near states differ on each
-        axis by less than the larger of their two reaches. This must hold for computed differences,
-        of all pairs whose computed distance is less than the cutoff. The reach is infinite on an
-        axis that does not separate states.
+        axis by less than the larger of their two reaches. This must hold for differences and
+        distances as they are computed, with rounding. On an axis that does not separate states the
+        reach is infinite.
         """
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
@@ -264,7 +272,7 @@ class Distance(ABC):
         Raises
         ------
         ConfigError, InputError
-            The distance needs other columns, or its settings are for another number of them.
+            The distance needs other columns, or its settings are for another number of columns.
         """
         if self.columns is not None and columns != self.columns:
             needed = ",".join(self.columns)
@@ -276,7 +284,7 @@ class Distance(ABC):
         check_length("period", self.period, columns, name)
 
     def fault(self, axes: Floats) -> Fault | None:
-        """Return a mask of states (d, R) out of range in a column, the column, and the fault."""
+        """Return the fault of the first column of states (d, R) that is out of range, or None."""
         for name, (low, high, rule) in self.limits.items():
             values = axes[(self.columns or ()).index(name)]
             wrong = ~((values >= low) & (values <= high))
@@ -303,7 +311,7 @@ def exactly_nearer(
     cutoff: Floats,
     decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
-    """Return the mask of nearer pairs, (N,), by a closed form that `decide` evaluates."""
+    """Return `Distance.nearer` by a closed form, which `decide` evaluates exactly."""
     from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
     nearer: Mask = pairs.distance < cutoff
@@ -335,7 +343,7 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
-    """Return a row of the truth and one of the estimate, for messages; `which` describes them."""
+    """Return the ids and the time of a pair of rows, for messages; `which` follows each id."""
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
     return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"
@@ -364,7 +372,8 @@ def check_columns(
                     "the Earth"
                 )
             raise InputError(
-                f"{name} has a column {quoted(extra[0])} that {missing} lacks; {remedy}"
+                f"{name} has a column {quoted(extra[0])} that {missing} lacks (state columns: "
+                f"{','.join(own.columns)} and {','.join(other.columns)}); {remedy}"
             )
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"
@@ -409,8 +418,8 @@ def _check_kinds(
         return
     if {"gaussian", "cloud"} <= set(named):
         raise InputError(
-            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance "
-            "between a Gaussian and a cloud has no closed form; "
+            f"{named['gaussian']} has covariances, and {named['cloud']} has particles: the "
+            "distance between a Gaussian and a cloud has no closed form; "
             f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')} treats a "
             "cloud as a Gaussian"
         )

@@ -16,7 +16,7 @@ SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Limits of widths and heights, so that areas are doubles."""
 
 MAX_BLUR = 2.0**-20
-"""Largest margin of a distance around the cutoff."""
+"""Largest value of `IoU.margin`."""
 
 TRACKEVAL_EPS = 2.0**-52
 """Tolerance of TrackEval for areas of 0, and for an IoU at a threshold."""
@@ -40,14 +40,14 @@ class IoU(Distance):
     )
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the rounding of a ratio near 1, and of edges that were written as decimals."""
+        """Return the margin: the rounding of a ratio near 1, and of edges written as decimals."""
         corners = (np.abs(side.state[:, :2]).max(initial=0.0) for side in sides)
         smallest = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
         blur = 2.0**-46 + 2.0**-50 * max(corners) / max(smallest, SMALLEST_EDGE)
         return float(min(blur, MAX_BLUR))
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Return a mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        """Return, exactly, for each of N pairs whether it is nearer than its own cutoff, (N,)."""
         from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
@@ -71,7 +71,7 @@ class IoU(Distance):
         return nearer
 
     def last_place(self, sides: Sides) -> float:
-        """Return the last place of a ratio near 1, subtracted from 1."""
+        """Return the last place of 1, as the distance is 1 minus a ratio."""
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -103,11 +103,12 @@ class IoU(Distance):
         return np.concatenate((axes[:2], np.log(axes[2:])))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach of left, top and sizes of near boxes; infinite if c > 1.
+        """Return the reach of left, top and logarithms of sizes; infinite if the cutoff c > 1.
 
-        Let q = 1 - c be the least IoU. The overlap in width is at least q times the larger width w,
-        because the union is at least w times the overlap in height. So the left sides differ by at
-        most w - q w = c w, and the smaller width is at least q w. The same holds for heights.
+        Let q = 1 - c be the least IoU of near boxes. The overlap in width is at least q times the
+        larger width w, because the union is at least w times the overlap in height. So the left
+        sides differ by at most w - q w = c w, and the smaller width is at least q w. The same holds
+        for heights.
         """
         if cutoff > 1:
             return np.full((4, 1), np.inf)
@@ -122,7 +123,7 @@ class IoU(Distance):
 # Differences of huge coordinates may overflow to infinity, which is right for them.
 @np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
-    """Return the IoU of boxes with others, bit for bit as in TrackEval, for its thresholds.
+    """Return the IoU of boxes `a` and `b`, bit for bit as TrackEval computes it.
 
     Right and lower edges are rounded first; widths and heights are their differences to the left
     and upper edges. The IoU of a box without area is 0.

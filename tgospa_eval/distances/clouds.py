@@ -1,4 +1,4 @@
-"""Wasserstein distances of particle clouds as base distances: settings, near pairs.
+"""Wasserstein distances of particle clouds as base distances: their settings and their near pairs.
 
 Clouds are prepared once, so that their distance is Euclidean. Two lower bounds of a pair are cheap:
 the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and for the order 2 the Gelbrich
@@ -6,18 +6,19 @@ bound, which is the Wasserstein distance of the Gaussians with the same moments,
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
-with the Bures distance B of their covariances. It is exact if one cloud is a point. A pair at the
-cutoff or beyond has no gain, so that only pairs with bounds below the cutoff are solved.
+with the Bures distance B of their covariances. The Gelbrich bound is exact if one cloud is a point.
+A pair at the cutoff or beyond has no gain, so transport is solved only for pairs whose bounds are
+below the cutoff.
 
 The sliced and the max-sliced Wasserstein distance use the projections on fixed directions v_k,
 
     SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y),
 
 where W_q of projections in one dimension comes from sorting, without transport and without POT.
-Every W_q is a metric, so that both satisfy the triangle inequality for any directions. Over all of
-the sphere they are metrics ([Kolouri]); over V directions they are pseudometrics, because different
-clouds may have the same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same
-for all pairs and runs.
+Every W_q is a metric, so both distances satisfy the triangle inequality for any directions. Over
+all of the sphere they are metrics ([Kolouri]); over V directions they are pseudometrics, because
+different clouds may have the same V projections. SW_2^2 is [Prossel] equation 12. The directions
+are the same for all pairs and runs.
 
 The means satisfy W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a
 tight frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``. So two points with the difference x satisfy
@@ -70,7 +71,8 @@ from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
-"""Share of the cutoff up to which a bound above it may be rounding, and does not decide."""
+"""A bound that exceeds the cutoff by at most this share of it may be rounding, and does not
+decide."""
 
 UNSURE = 1e-11
 """Share of the variances that is far above the rounding of the Gelbrich bound."""
@@ -107,7 +109,7 @@ class CloudPairs(Distance):
         return EUCLIDEAN.reach(cutoff, axes)
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return the cutoff plus the rounding of the means; infinity without gating."""
+        """Return the cutoff plus the rounding of the means; infinity if `gating` is False."""
         if not self.gating:
             return np.inf
         largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
@@ -148,18 +150,18 @@ class CloudPairs(Distance):
         return self.order == 2
 
     def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
-        """Estimate the milliseconds of each pair: sorting on a line, otherwise transport."""
+        """Estimate the milliseconds of each pair, for sorting on a line or for transport."""
         if len(sides[0].columns) == 1:
             return np.asarray(0.1 + 2e-4 * (sizes[0] + sizes[1]))
         _check_sizes(sizes, rows, sides)
         return np.asarray(0.1 + 2.0 * (sizes[0] * (sizes[1] / 1e4)) ** 1.05)
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Return the distance of two clouds as a function of rows, for some neighbouring pairs."""
+        """Return a function from a row of each side to the distance of their clouds."""
         return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return for order 2 the distances of the means, and of the clouds moved onto one mean."""
+        """Return, for order 2, distances of the means, and of the clouds moved to one mean."""
         if self.order != 2:
             return None
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
@@ -192,7 +194,8 @@ class OwnCovariance(CloudPairs):
             except ConfigError:
                 raise InputError(
                     f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, "
-                    f"too few distinct particles; use {option('inner_cov', 'global')} or a file"
+                    "as there are too few distinct particles; use "
+                    f"{option('inner_cov', 'global')} or a file"
                 ) from None
             difference = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
             if not self.gating or np.linalg.norm(difference) < cutoff * (1 + SLACK):
@@ -210,7 +213,7 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return the least part of covariances in the squared distances of pairs, besides the means."""
+    """Return the least that covariances add to the squared distances of the means of pairs."""
     (trace_a, factor_a), (trace_b, factor_b) = spreads
     length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
     total = trace_a[i] + trace_b[j]
@@ -227,8 +230,8 @@ def _solved(
 ) -> Floats:
     """Compute distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
 
-    `one()` returns the function of two rows for some neighbouring pairs; `works` are approximate
-    milliseconds.
+    `one()` returns a function from a row of each side to their distance. `works` are the
+    approximate milliseconds of each pair.
     """
     count = len(works)
     if not count:
@@ -279,7 +282,7 @@ def slopes_of_particles(
     order : {1, 2}
         q.
     factor : (d, d) float array, optional
-        L of the covariance L L' of a Mahalanobis distance of particles.
+        Factor L of the covariance L L', if the distance of particles is Mahalanobis.
 
     Returns
     -------
@@ -326,14 +329,15 @@ class CloudWasserstein(Distance):
         Distance of particles.
     covariance : (d, d) array-like, optional
         Covariance of mahalanobis. By default it is the mean of the covariances of all clouds of the
-        run: then only results of the same run are comparable.
+        run. Then only results of the same run are comparable.
     reduction : Reduction, optional
         Reduction of each cloud before it is compared. The distance of reduced clouds is a metric on
         them.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     gating : bool
-        Whether bounds exclude pairs. If not, every pair of a step is solved, as a check.
+        Whether bounds exclude pairs. If False, transport is solved for every pair of a step, as a
+        check.
 
     Raises
     ------
@@ -416,7 +420,7 @@ class CloudWasserstein(Distance):
         if not spreads:
             raise ConfigError(
                 "the inner distance mahalanobis needs the mean covariance of the clouds, but "
-                f"there are no clouds; give one with {option('inner_cov', metavar='FILE')}"
+                f"there are no clouds; give a covariance with {option('inner_cov', metavar='FILE')}"
             )
         matrices = np.concatenate(spreads)
         mean = matrices.mean(axis=0) * np.multiply.outer(*2 * [np.array(self.scale or 1.0)])
@@ -424,8 +428,8 @@ class CloudWasserstein(Distance):
             return replace(self, covariance=mean)
         except ConfigError:
             raise InputError(
-                "the mean covariance of the clouds is singular, too few distinct particles for "
-                "the inner distance mahalanobis; give one with "
+                "the mean covariance of the clouds is singular, as there are too few distinct "
+                "particles for the inner distance mahalanobis; give a covariance with "
                 f"{option('inner_cov', metavar='FILE')}"
             ) from None
 
@@ -454,8 +458,8 @@ class CloudWasserstein(Distance):
         """
         if self.reduction is not None:
             raise ConfigError(
-                "reduced clouds have no known derivative: evaluate without reduce, or reduce them "
-                "before"
+                "no derivative is known for reduced clouds: evaluate without reduce, or reduce the "
+                "clouds before"
             )
         scale = np.ones(sides[1].state.shape[1]) if self.scale is None else np.asarray(self.scale)
         factor = None if self.covariance is None else cholesky(self.covariance)
@@ -473,9 +477,9 @@ class CloudWasserstein(Distance):
 
 @dataclass(frozen=True, kw_only=True)
 class PairCloudWasserstein(CloudWasserstein):
-    """Distance with the mean of the covariances of the two clouds of each pair, not a metric.
+    """Wasserstein distance of clouds, whitened by the mean covariance of the two clouds.
 
-    It is for the association of single pairs, never for TGOSPA.
+    It is not a metric: it is for the association of single pairs, never for TGOSPA.
     """
 
     inner: str = "mahalanobis"
@@ -500,7 +504,7 @@ def reduced(
 ) -> Clouds:
     """Reduce every cloud, and notify the user if that takes long.
 
-    `histories` receives the distances to each cloud before each iteration.
+    `histories` receives, for each cloud, the distances to it before each iteration.
     """
     is_large = clouds.counts > reduction.size
     if not is_large.any():
@@ -520,7 +524,7 @@ def reduced(
 
 @lru_cache(maxsize=8)
 def fixed_directions(size: int, count: int | None, seed: int) -> Floats:
-    """Return unit vectors (V, d) of a tight frame, the same for the same arguments."""
+    """Return V unit vectors (V, d) of a tight frame; equal arguments give equal vectors."""
     directions = spread_directions(size, count, np.random.default_rng(seed))
     directions.flags.writeable = False
     return directions
@@ -577,17 +581,18 @@ class SlicedPairs(CloudPairs):
         return between
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return for order 2 the distances of means and of spreads, added over directions."""
+        """Return, for order 2, the distances of means and those of spreads, over all directions."""
         return None if self.maximum else super().parts(pairs, sides)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlicedWasserstein(CloudWasserstein):
-    """Wasserstein distance of the projections of clouds, mean of order q or largest of all.
+    """Wasserstein distances of projections of clouds: their mean of order q, or the largest.
 
     It is a pseudometric on clouds: with finitely many directions, different clouds may have the
-    distance 0. Sorting computes it exactly; POT is not needed. Two points at the Euclidean distance
-    r have the distance r / sqrt(d) with q = 2, less with q = 1, and more, up to r, with `maximum`.
+    distance 0. Sorting computes it exactly; POT is not needed. Let two points have the Euclidean
+    distance r. Their distance is r / sqrt(d) with q = 2, and smaller with q = 1. With `maximum` it
+    is larger, up to r.
 
     Parameters
     ----------
@@ -596,9 +601,9 @@ class SlicedWasserstein(CloudWasserstein):
     maximum : bool
         Whether to use the largest over the directions (max-sliced) instead of the mean.
     directions : int, optional
-        Number of directions V >= 2; by default 32 in two dimensions. In more dimensions it is 24 d
-        by default, and is rounded up to whole orthonormal frames. In two dimensions the angles are
-        pi (k + 1/2) / V.
+        Number V of directions, at least 2. In two dimensions the default is 32, and direction k
+        from 0 has the angle pi (k + 1/2) / V. In d > 2 dimensions the default is 24 d, and V is
+        rounded up to whole orthonormal frames.
     seed : int
         Seed of the frames.
 

@@ -27,16 +27,17 @@ Pair = tuple[Floats, Floats]
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianWasserstein(Distance):
-    """W2 of Gaussians, ``sqrt(|a - b|^2 + B^2)``, with the means a, b and B of the covariances.
+    """W2 of Gaussians, ``sqrt(|a - b|^2 + B^2)``: means a and b, Bures distance B.
 
-    B, the Bures distance, is the least ``||F - G Q||`` over rotations and reflections Q, where the
-    covariances are F F' and G G'. W2 is a metric on Gaussians; states without covariance are
-    points. Means are compared by the Euclidean norm, with its scales and periods. With a periodic
-    component W2 is still a metric, but it is not the distance of Gaussians on a circle.
+    W2 is the Wasserstein distance of order 2. B is the least ``||F - G Q||`` over rotations and
+    reflections Q, where the covariances are F F' and G G'. W2 is a metric on Gaussians. States
+    without covariance are points. Means are compared by the Euclidean norm, with its scales and
+    periods. With a periodic component W2 is still a metric, but it is not the distance of Gaussians
+    on a circle.
 
     If the distance is called with arrays, their last axis has the d components of the mean and the
-    d (d + 1) / 2 components of a lower factor of the covariance, row by row. For covariances see
-    `gaussian_wasserstein`.
+    d (d + 1) / 2 components of a lower factor of the covariance, row by row. The function
+    `gaussian_wasserstein` takes covariances.
 
     Parameters
     ----------
@@ -45,9 +46,9 @@ class GaussianWasserstein(Distance):
     period : sequence of float, optional
         Period of each column, > 0 in its unit; inf for a column that is not periodic.
     mixed : {"error", "moments"}
-        Treatment of particle clouds: they are refused, or replaced by the Gaussian of their mean
-        and covariance. Clouds with equal moments then have the distance 0, so it is not a metric on
-        clouds, but a lower bound of the Wasserstein distance.
+        Treatment of particle clouds. ``"error"`` refuses clouds. ``"moments"`` replaces each cloud
+        by the Gaussian of its mean and covariance. Clouds with equal moments then have the distance
+        0, so W2 is not a metric on clouds. It is a lower bound of their Wasserstein distance.
 
     Raises
     ------
@@ -69,7 +70,7 @@ class GaussianWasserstein(Distance):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Gaussians, and with `mixed` "moments" clouds."""
+        """Gaussians; also clouds if `mixed` is "moments"."""
         return ("gaussian", "cloud") if self.mixed == "moments" else ("gaussian",)
 
     @property
@@ -109,7 +110,7 @@ class GaussianWasserstein(Distance):
         return self._parts(zip(a, b, strict=True))
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives by the means: those of their distance times its share of the whole."""
+        """Return derivatives by the means: slopes of their distance, times its share of W2."""
         slopes = self._means.slopes(pairs, sides)
         means, spreads = self.parts(pairs, sides)
         whole = np.hypot(means, spreads)
@@ -171,7 +172,7 @@ def gaussian_wasserstein(
         means = [mean.reshape(1) for mean in means]
     if means[0].shape[-1:] != means[1].shape[-1:]:
         shapes = f"{means[0].shape} and {means[1].shape}"
-        raise InputError(f"means have the shapes {shapes}: must be (..., d), with one d")
+        raise InputError(f"means have the shapes {shapes}: must be (..., d), with the same d")
     d = means[0].shape[-1]
     if not d:
         raise InputError("means have no components")
@@ -242,9 +243,10 @@ def bures(factors: Sequence[Pair]) -> Floats:
 def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
     """Return the Bures distance of two components, in closed form.
 
-    Let A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12``. The best Q turns by the angle t of
-    (p, s); it is a rotation because det A >= 0. Each side is turned by half of it, ``||L1 R(-t/2) -
-    L2 R(t/2)||``, so that the result is symmetric, and 0 for equal covariances.
+    Let L1 and L2 be the lower factors, A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12``. The
+    best Q turns by the angle t of the vector (p, s). Q is a rotation because det A >= 0. Each
+    factor is turned by half of t, ``||L1 R(-t/2) - L2 R(t/2)||``, so that the result is symmetric,
+    and 0 for equal covariances.
     """
     (a1, a2), (b1, b2), (c1, c2) = first, second, third
     s = b1 * c2 - b2 * c1
@@ -297,8 +299,7 @@ def _dimension(count: int) -> int:
     d = covariances.size_of(count + 1) - 1
     if d < 1 or d * (d + 3) // 2 != count:
         raise InputError(
-            f"Gaussians have d components of a mean and d (d + 1) / 2 of a factor, not {count} in "
-            "all; "
-            "gaussian_wasserstein takes covariances"
+            f"a Gaussian has d components of a mean and d (d + 1) / 2 of a factor, but there are "
+            f"{count}; for covariances call gaussian_wasserstein"
         )
     return d

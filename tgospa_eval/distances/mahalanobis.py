@@ -28,11 +28,11 @@ SINGULAR = 1e-6
 """Pivot of the correlation matrix below which a matrix counts as singular."""
 
 NEARLY_DETERMINED = 0.5
-"""Share of its standard deviation that a column keeps given the columns before it; with less it has
-a residual."""
+"""The columns before a column leave a share of its standard deviation. If it is less than this, the
+search also sorts the residual of the column."""
 
 LARGEST_REST = 1e300
-"""Limit of residuals, so that differences are doubles."""
+"""Limit of residuals, so that their differences do not overflow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +40,13 @@ class Mahalanobis(Distance):
     """Difference in units of its own standard deviation, ``sqrt((a - b)' C^-1 (a - b))``.
 
     It is a metric on states because the covariance C is the same for all of them. Differences are
-    scaled first: with scales, C is in state units. Result, cutoff and switch penalty have no unit.
+    scaled first, so C is in state units. Result, cutoff and switch penalty have no unit.
 
     Parameters
     ----------
     covariance : (d, d) array-like
-        Symmetric and positive definite matrix. The record for the name ``"mahalanobis"`` has no
-        covariance, and cannot compare states.
+        Symmetric and positive definite matrix. `DISTANCES["mahalanobis"]` has no covariance, and
+        cannot compare states.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
 
@@ -93,7 +93,7 @@ class Mahalanobis(Distance):
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the columns, and residuals of the columns that earlier ones nearly determine."""
+        """Return the columns, and residuals of columns that earlier columns nearly determine."""
         weights = self._weights()
         if not len(weights):
             return axes
@@ -104,7 +104,7 @@ class Mahalanobis(Distance):
         """Return the extent of the ellipsoid: c standard deviations of each column and residual.
 
         By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` for all weights f. Rounding of
-        the distance adds to ``|L' f|`` about 2^-50 of the sum of |f| in standard deviations,
+        the distance increases ``|L' f|`` by about 2^-50 of the sum of |f| in standard deviations,
         because forward substitution is backward stable. Rounding of a residual is at most a similar
         share of the sum of its terms. A state for which this sum overflows is near all states.
         """
@@ -154,10 +154,10 @@ def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class PairMahalanobis(Distance):
-    """Distance with the mean of the covariances of the two states of each pair, not a metric.
+    """Mahalanobis distance with the mean covariance of the two states; it is not a metric.
 
     It is for the association of single pairs, never for TGOSPA. States without covariance are
-    points. It depends neither on the units of the columns nor on their `scale`.
+    points. The distance depends neither on the units of the columns nor on their `scale`.
     """
 
     scale: Sequence[float] | None = None
@@ -179,7 +179,7 @@ class PairMahalanobis(Distance):
         """
         if sides[0].kind == sides[1].kind == "point":
             raise InputError(
-                "neither side has covariances: mahalanobis needs those of the states, columns "
+                "neither truth nor estimate has covariances: mahalanobis needs columns "
                 f"cov_xx and so on, or {option('covariance', metavar='FILE')}"
             )
         return self
@@ -214,7 +214,7 @@ class PairMahalanobis(Distance):
         return axes[: covariances.size_of(len(axes) + 1) - 1]
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return c standard deviations; the mean covariance has at most the larger of both."""
+        """Return c standard deviations; a mean variance is at most the larger one of the pair."""
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
@@ -258,7 +258,7 @@ def _matrix(covariance: ArrayLike) -> Floats:
     variance = np.diag(matrix)
     if not np.isfinite(matrix).all() or not np.all((variance >= 1e-200) & (variance <= 1e200)):
         raise ConfigError(
-            "covariance must have finite numbers, on the diagonal > 0 (from 1e-200 to 1e200)"
+            "covariance must have finite numbers, those on the diagonal from 1e-200 to 1e200"
         )
     bound = np.sqrt(variance)[:, None] * np.sqrt(variance)
     asymmetric = np.abs(0.5 * matrix - 0.5 * matrix.T) > 1e-12 * bound
@@ -287,7 +287,7 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
 
 
 def _residuals(factor: Floats) -> tuple[Floats, Floats]:
-    """Return weights f (m, d) of residuals of nearly determined columns, and ``|L' f|`` (m,).
+    """Return weights f (m, d) of the residuals of m nearly determined columns, and ``|L' f|``.
 
     A column minus its regression on the columns before it is f' v, in standard deviations. Here f
     is its row of L^-1, scaled to 1 for the column itself. The accuracy of L^-1 does not matter.

@@ -1,6 +1,7 @@
-"""Search for pairs of one step nearer than the cutoff, in time and memory of the near pairs.
+"""Search for pairs of one step nearer than the cutoff; time and memory grow with their number.
 
-Some searches return more pairs; `tgospa_problem` in `problem.metric_family` makes the decision.
+Some searches also return pairs beyond the cutoff. `tgospa_problem` in `problem.metric_family`
+decides which pairs are near.
 """
 
 from collections.abc import Iterator
@@ -24,14 +25,14 @@ MAX_PAIRS = 128
 """Largest number of pairs per row that are compared after sorting along one axis only."""
 
 NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
-"""Numbers of the norms in the kernels, by power."""
+"""Number of each norm in the compiled kernels, by its power."""
 
 Ranges = tuple[Ints, Ints]
-"""First row and end of the rows of each step (2, T), for truth and estimate."""
+"""For truth and estimate: first row of each of T steps, and the row after its last (2, T)."""
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
-    """Return the first row and the end of the rows of each of the given steps (2, T)."""
+    """Return for each of T steps its first row, and the row after its last (2, T)."""
     wanted = np.empty((2, len(steps)), side.step.dtype)  # otherwise the whole column is converted
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
@@ -39,7 +40,7 @@ def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
-    """Return pairs of some steps nearer than the cutoff; None if kernels are not fast for them.
+    """Return the near pairs of some steps; None if the kernels are not fast for these steps.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
     Returns
     -------
     Pairs, optional
-        Pairs of rows, which are counted from the first of these steps, without rows of other steps.
+        Near pairs. Their rows are counted from 0 among the rows of these steps only.
     """
     norm = plain_norm(sides, distance)
     if norm is None:
@@ -69,7 +70,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
 
 
 def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
-    """Return the kernels' number of a norm, and its scales; None if kernels cannot be used."""
+    """Return the kernels' number of a norm, and the scales; None if kernels cannot be used."""
     if kernels is None or not isinstance(distance, Norm) or distance.period is not None:
         return None
     if not all(side.state.flags.c_contiguous for side in sides):
@@ -83,9 +84,9 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 #
 # Each point has a reach on each axis: near points differ by less than the larger of their two
 # reaches. The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the
-# largest reach. The candidates of a truth row are a few runs of this order, found by bisection. One
-# axis after the other is used until the candidates are few. The exact differences of the candidates
-# decide, so that rounding of the cells adds candidates, and never loses pairs.
+# largest reach. The candidates of a truth row are a few ranges of this order, found by bisection.
+# One axis after the other is used until the candidates are few. The exact differences of the
+# candidates decide, so that rounding of the cells adds candidates, and never loses pairs.
 #
 # If many candidates are left and reaches are unequal, points with small and with large reaches are
 # searched separately, recursively. If many are still left, a tree is searched.
@@ -97,16 +98,17 @@ FEW_CANDIDATES = 8
 """Number of candidates per row up to which no further axis is used."""
 
 CELL_AXES = 3
-"""Largest number of axes of cells; each but the first multiplies the runs of a truth row by 3."""
+"""Largest number of axes of cells; each but the first triples the ranges of a truth row."""
 
 MANY_CANDIDATES = 64
 """Number of candidates per row and per near pair above which a tree is faster."""
 
 SAMPLED_TRUTHS = 100
-"""Number of truth rows whose near pairs are counted for an estimate."""
+"""Number of truth rows whose near pairs are counted, to estimate the number of all near pairs."""
 
 EQUAL_REACHES = 4.0
-"""Ratio of the largest to the least reach of a side up to which the reaches are not divided."""
+"""Ratio of the largest to the least reach of a side up to which all its points are searched
+together."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +122,7 @@ class SearchedSide:
     step : (R,) int array
         Step of each row, counted from the first of the steps.
     at : (steps + 1,) int array
-        First row of each step, counted from `first`, and the end.
+        First row of each step, counted from `first`, and the number of rows.
     axes : (d, R) float array
         Coordinates.
     """
@@ -132,8 +134,8 @@ class SearchedSide:
 
 
 Candidates = tuple[Ints, Ints, Ints]
-"""An order of the estimate rows, and the begins and the lengths (runs, R) of the runs of this order
-that are the candidates of each truth row."""
+"""An order of the estimate rows. The candidates of a truth row are ranges of this order: their
+begins and their lengths are the other two arrays (ranges, R)."""
 
 
 def search(
@@ -148,8 +150,8 @@ def search(
     reaches : two (d, R) or (d, 1) float arrays
         Reaches of `a` and of `b`; finite and > 0.
     power : float
-        Minkowski norm of the differences, in units of the larger reach, that is at most 1 for all
-        pairs that are needed.
+        Power of a Minkowski norm. For all pairs that are needed, this norm of the differences in
+        units of the larger reach is at most 1.
     """
     if not len(a.step) or not len(b.step):
         return
@@ -183,7 +185,7 @@ def _divided(
     """Yield pairs in order, searched separately for small and for large reaches of a side.
 
     Reaches are divided at the geometric mean of the least and the largest, so that a few divisions
-    leave nearly equal ones.
+    leave nearly equal reaches.
     """
     own = reaches[which]
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
@@ -206,7 +208,7 @@ def _divided(
 
 
 def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
-    """Return candidates by the fewest axes that leave few; axes with wide spreads come first."""
+    """Return candidates by as few axes as leave few of them; axes with wide spreads come first."""
     begin = b.at[a.step]
     candidates: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
     enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
@@ -271,7 +273,7 @@ def _by_cells(
 def _compared(
     truth: Floats, estimate: Floats, candidates: Candidates, reach: Floats
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the candidates that are near on every axis (d, R), in order, in pieces."""
+    """Yield, in order and in pieces, the candidates that are near on each of the axes (d, R)."""
     order, begin, count = candidates
     ordered = [y.take(order) for y in estimate]
     total = count.sum(axis=0)
@@ -425,7 +427,7 @@ class _Column(Generic[Value]):
 
 
 def starts_of_steps(side: Trajectories) -> Ints:
-    """Return the first row of each step, and the number of rows."""
+    """Return the first row of each step, and at the end the number of rows."""
     steps = np.arange(len(side.times) + 1, dtype=side.step.dtype)
     return np.searchsorted(side.step, steps)
 

@@ -4,15 +4,15 @@ The sliced method minimises the mean squared Wasserstein distance of projections
 
     sum_k W_2^2(v_k' X, v_k' Y)  over the positions X of n particles of weight 1/n.
 
-In each direction v_k the best partner of the particle whose projection has the rank r is b_k[r],
-the mean of the r-th of n slots of equal mass of the sorted projections of Y. For fixed ranks, least
-squares give all particles at once,
+In each direction v_k the sorted projections of Y are cut into n slots of equal mass. b_k[r] is the
+mean of slot r. It is the best partner of the particle of X whose projection has the rank r. For
+fixed ranks, least squares give all particles at once,
 
     x_i <- S^-1 sum_k v_k b_k[rank of v_k' x_i],   S = sum_k v_k v_k',
 
-and no step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix:
-R'R is block diagonal with S for all permutations. docs/theory/clouds.md lists corrections of the
-paper.
+and no step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix R:
+for all permutations R'R is block diagonal with blocks S. docs/theory/clouds.md lists corrections of
+the paper.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,8 @@ from tgospa_eval.quoting import quoted
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
 
 PRIOR = 100.0
-"""Variance of particles before a sweep of the recursive method, relative to that of a slot mean."""
+"""Variance of particles before a sweep of the recursive method, relative to the variance of a slot
+mean."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,26 +52,26 @@ class Reduction:
     Parameters
     ----------
     size : int
-        Number of particles to keep, >= 1. A cloud with at most so many particles is not changed. A
-        cloud with at most so many distinct particles becomes these, with their weights.
+        Number of particles to keep, >= 1. A cloud of at most `size` particles is not changed. If a
+        cloud has at most `size` distinct particles, these are kept with their weights.
     method : str
         ``"sliced"``: least squares on projections on `directions`; ``"recursive"``: the same,
         direction by direction; ``"atl"``: transport and location in turn (Cooper); ``"kmeans"``:
         means of clusters, weighted with their mass; ``"systematic"``, ``"stratified"``,
         ``"multinomial"``: resampling; ``"top"``: the highest weights.
     directions : int or (V, d) array-like, optional
-        Number of directions of sliced and recursive, by default 32 in two dimensions and 24 d in
-        more; or the directions themselves, rows that span the space.
+        Number of directions of sliced and recursive. The default is 32 in two dimensions, and 24 d
+        in d > 2. Or the V directions themselves, as rows that span the space.
     iterations : int
-        Largest number of iterations of the first four methods.
+        Largest number of iterations of sliced, recursive, atl and kmeans.
     restarts : int
-        Number of starts of the first four methods. Starts after the first are random, and the
-        result nearest to the cloud is kept.
+        Number of starts of these four methods. Starts after the first are random, and the result
+        nearest to the cloud is kept.
     polish : int
         Number of steps of ``"atl"`` after the last iteration of sliced and recursive.
     seed : int
-        Seed of random directions, starts and draws, used again for each cloud: equal clouds have
-        equal reductions, in any order of their particles.
+        Seed of random directions, starts and draws. Each cloud uses the same seed, so equal clouds
+        have equal reductions, in any order of their particles.
 
     Raises
     ------
@@ -114,12 +115,12 @@ class Reduction:
     def __call__(self, cloud: Cloud, start: Floats | None = None) -> Cloud:
         """Return the cloud with fewer particles; points (N, d), weights (N,) that sum to 1.
 
-        `start` has the first positions (size, d), instead of systematically drawn ones.
+        `start` has the first positions (size, d). By default these are drawn systematically.
         """
         return self.trace(cloud, start)[0]
 
     def trace(self, cloud: Cloud, start: Floats | None = None) -> tuple[Cloud, list[float]]:
-        """Reduce a cloud, and return the distance to it before each iteration as well.
+        """Return the reduced cloud, and the distance to the given cloud before each iteration.
 
         The distance is the root of the objective of the method. For sliced and recursive this is
         the mean of W_2^2 along the directions ([Prossel] equation 12), for atl W_2^2 (equation 3),
@@ -193,13 +194,12 @@ def reduce_cloud(
     weights : (N,) array-like or None
         Weights >= 0, not all zero, which are normalised. None means equal weights.
     size : int
-        Number of particles to keep, >= 1. A cloud with at most so many particles is returned as it
-        is. Of a cloud with at most so many distinct particles, these are returned with their
-        weights.
+        Number of particles to keep, >= 1. A cloud of at most `size` particles is returned as it is.
+        If a cloud has at most `size` distinct particles, these are returned with their weights.
     method, directions, iterations, restarts, polish, seed
         See `Reduction`. Resampling and ``"top"`` do not keep the mean.
     start : (size, d) array-like, optional
-        First positions, instead of systematically drawn ones.
+        First positions. By default these are drawn systematically.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def spread_directions(size: int, count: int | None, rng: "np.random.Generator") 
 
 
 def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
-    """Return means (size,) of slots of equal mass of values (N,), in ascending order.
+    """Sort values (N,), cut them into `size` slots of equal mass, and return the slot means.
 
     The slots are cut from the cumulative sums of weight and of weight times value, without a plan.
     """
@@ -273,7 +273,8 @@ def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
 # --- methods: from a cloud to a step that improves positions --------------------------------------
 
 Step = Callable[[Floats], tuple[Cloud, float]]
-"""Function from positions to better positions with weights, and the cost of the former."""
+"""Function that takes positions, and returns better positions with weights, and the cost of the
+given ones."""
 
 
 def _projections(
@@ -290,7 +291,7 @@ def _projections(
             raise ConfigError(f"directions have the shape {v.shape}: must be (V, {size}), finite")
     if np.linalg.matrix_rank(v) < size:
         raise ConfigError(
-            f"{len(v)} directions do not span {size} dimensions; give {size} at least, "
+            f"{len(v)} directions do not span {size} dimensions; give at least {size}, "
             "not all in a plane"
         )
     b = np.array([slot_means(cloud[0] @ each, cloud[1], reduction.size) for each in v])
@@ -298,9 +299,10 @@ def _projections(
 
 
 def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
-    """Return for each direction and particle the slot mean of its rank (V, n); ties by position.
+    """Return for each direction and particle the slot mean of the rank of the particle, (V, n).
 
-    Particles that coincide have different ranks, and so they separate.
+    Equal projections are ranked in the order of `x`. So particles that coincide have different
+    ranks, and separate.
     """
     order = np.argsort(v @ x.T, axis=1, kind="stable")
     matched = np.empty_like(b)

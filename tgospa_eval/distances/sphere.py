@@ -44,9 +44,9 @@ class Haversine(Distance):
         """
         if columns == (*PLACES, HEIGHT):
             raise InputError(
-                f"{name}: {option('distance', 'haversine')} does not use heights; "
-                f"{option('distance', 'geodesic')} does, {option('columns', 'lat,lon')} leaves "
-                "them out"
+                f"{name}: {option('distance', 'haversine')} does not use heights; use "
+                f"{option('distance', 'geodesic')}, or leave heights out with "
+                f"{option('columns', 'lat,lon')}"
             )
         super().check_columns(columns, name)
 
@@ -67,7 +67,7 @@ class Haversine(Distance):
             h = sin(dlat / 2)^2 + cos(lat a) cos(lat b) sin(dlon / 2)^2,
             1 - h = sin(mean lat)^2 + cos(lat a) cos(lat b) cos(dlon / 2)^2,
 
-        where the second is the first for the antipode of b. The distance is ``2 R atan2(sqrt(h),
+        where 1 - h is the value of h for the antipode of b. The distance is ``2 R atan2(sqrt(h),
         sqrt(1 - h))``. h and 1 - h are sums of squares without cancellation, so that neither tiny
         distances nor distances of antipodes lose digits.
         """
@@ -129,8 +129,8 @@ class Geodesic(Distance):
         d^2 = s^2 + (W (alt a - alt b))^2,   s the length of the shortest path.
 
     Lengths of shortest paths are a metric on any surface, and the root of the sum of squares of two
-    metrics is a metric on pairs. The error of lengths is at most 15 nanometres (Karney, "Algorithms
-    for geodesics", 2013).
+    metrics is a metric on the product of their spaces. The error of lengths is at most 15
+    nanometres (Karney, "Algorithms for geodesics", 2013).
 
     Parameters
     ----------
@@ -174,8 +174,8 @@ class Geodesic(Distance):
             )
         if self.vertical_weight != 1 and HEIGHT not in columns:
             raise InputError(
-                f"{name}: {option('vertical_weight')} is for heights, and the state columns are "
-                f"lat,lon; name or map them with {option('columns', 'lat,lon,alt')}"
+                f"{name}: {option('vertical_weight')} needs heights, but the state columns are "
+                f"lat,lon; name or map heights with {option('columns', 'lat,lon,alt')}"
             )
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:

@@ -6,8 +6,9 @@ The mass of one cloud is moved to the other at the least cost
     sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
 
 [Danu] equations 7 and 14; equation 13 lacks the root, without which it is not a metric. In one
-dimension sorting solves it. If one cloud is a point, there is only one plan. Clouds of equally many
-particles of equal weight are an assignment. POT, the extra ``clouds``, solves all other pairs.
+dimension sorting solves the problem. If one cloud is a point, there is only one plan. If both
+clouds have the same number of particles of equal weight, it is an assignment problem. POT, the
+extra ``clouds``, solves all other pairs.
 """
 
 import math
@@ -35,7 +36,7 @@ def as_cloud(
 ) -> tuple[Floats, Floats]:
     """Check and return points (N, d) and weights (N,) with the sum 1; `name` begins the messages.
 
-    None means equal weights. A warning is for the line `depth` calls further out.
+    None means equal weights. A warning names the line `depth` calls further out.
 
     Warns
     -----
@@ -106,9 +107,8 @@ def restrict_cloud(
 ) -> tuple[Floats, Floats]:
     """Return the particles with the highest weights, normalised again.
 
-    The tails of the distribution are lost with the light particles: the distance between clouds
-    that are restricted to few particles is biased, often by a third and more. It is for
-    comparisons.
+    The tails of the distribution are lost with the light particles. So the distance between
+    restricted clouds is biased, often by a third and more. The function is for comparisons.
 
     Parameters
     ----------
@@ -117,13 +117,13 @@ def restrict_cloud(
     weights : (N,) array-like or None
         Weights >= 0, not all zero, which are normalised. None means equal weights.
     size : int
-        Number of particles to keep, >= 1; of equal weights the earlier ones. If there are not more
-        particles, all are kept.
+        Number of particles to keep, >= 1. Among equal weights the earlier particles are kept. A
+        cloud of at most `size` particles is kept whole.
 
     Returns
     -------
     points, weights : (n, d) and (n,) arrays
-        Particles by descending weight, and weights with the sum 1.
+        The n kept particles by descending weight, and weights with the sum 1.
 
     Raises
     ------
@@ -172,7 +172,8 @@ def resample_cloud(
     method : {"systematic", "stratified", "multinomial"}
         Method of drawing.
     offset : float or (size,) array-like, optional
-        U or the U_i, in [0, 1], instead of random ones; at u_i = 1 the last particle is drawn.
+        U or the U_i in [0, 1], which are random by default. If u_i is 1, the last particle is
+        drawn.
     rng : numpy.random.Generator or int, optional
         Generator of U, or its seed; 0 by default.
 
@@ -216,7 +217,7 @@ def sampled(
         within = np.asarray(offset, np.float64)
     if within.shape not in ((count,), (1,)) or not np.all((within >= 0) & (within <= 1)):
         raise ConfigError(
-            f"offset must be in [0, 1], one number{'' if count == 1 else f' or {count}'}"
+            f"offset must be one number{'' if count == 1 else f' or {count} numbers'} in [0, 1]"
         )
     at = within if method == "multinomial" else (np.arange(size) + within) / size
     # Rounding may leave the last sum below 1, and a particle without weight is never drawn.
@@ -243,14 +244,15 @@ WIDEST = 1e150
 """Largest whitened coordinate, so that squares are doubles."""
 
 MAX_PARTICLES = 4000
-"""Largest number of particles of two equal clouds: costs take 128 MB, transport half a minute."""
+"""Largest number of particles of each of two clouds of equal size. Their costs take 128 MB, and
+transport takes half a minute."""
 
 
 def too_large() -> str:
     """Return the message about a pair of clouds with too many particles."""
     return (
         f"more than {MAX_PARTICLES} x {MAX_PARTICLES} particles in a pair take too much time and "
-        f"memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
+        f"memory; reduce the clouds first with {option('reduce', 100)} or reduce_cloud"
     )
 
 
@@ -358,8 +360,8 @@ def cross_covariance(
 
     ``P12 = sum_ij w_ij (x_i - m_a) (y_j - m_b)'`` with the means m and the plan of order 2. With
     the covariances P1 and P2 of the clouds, ``W_2^2 = |m_a - m_b|^2 + tr(P1 + P2 - P12 - P12')``.
-    The last matrix has the least trace of all joint distributions, and is zero for shifted copies:
-    it must not be inverted as the covariance of a difference.
+    The matrix P1 + P2 - P12 - P12' has the least trace of all joint distributions. It is zero for
+    shifted copies, so it must not be inverted as the covariance of a difference.
 
     Parameters
     ----------
@@ -408,8 +410,8 @@ def _pair(
     b = as_cloud(points_b, weights_b, "second cloud", depth=4)
     if a[0].shape[1] != b[0].shape[1]:
         raise ConfigError(
-            f"the first cloud has {a[0].shape[1]} components, the second {b[0].shape[1]}; both "
-            "must have the same"
+            f"the first cloud has {a[0].shape[1]} components, the second has {b[0].shape[1]}; "
+            "both must have the same number"
         )
     return a, b
 
@@ -483,8 +485,8 @@ def distance(a: Cloud, b: Cloud, order: int) -> float:
 def are_alike(a: Cloud, b: Cloud) -> bool:
     """Return whether clouds have the same particles, with weights equal up to rounding.
 
-    Otherwise a tiny mass from rounding would have to move far, and the root of its cost is not
-    small.
+    Such clouds have the distance 0. Without this rule a tiny mass from rounding would move far, and
+    the root of its cost would not be small.
     """
     (x, u), (y, v) = a, b
     return (
@@ -517,10 +519,10 @@ def north_west(u: Floats, v: Floats) -> Floats:
 
 
 def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return the two particles of each piece of the mass, and its size, (V, N + M - 1) each.
+    """Cut the mass into pieces: return the particle of each cloud, and the mass of each piece.
 
-    `u` and `v` are running weights (V, N) and (V, M) of sorted particles, or (1, N) and (1, M) if
-    they are the same for all lines.
+    The shape of each result is (V, N + M - 1). `u` (V, N) and `v` (V, M) are running weights of
+    sorted particles. Their first axis has size 1 if the weights are the same for all V lines.
     """
     rows = max(len(u), len(v))
     inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]

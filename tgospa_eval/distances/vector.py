@@ -18,23 +18,24 @@ SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Limits of scales and periods, beyond which products with a cutoff may overflow."""
 
 MAX_BLUR = 2.0**-20
-"""Largest margin in units of the cutoff: coordinates with fewer digits are too coarse anyway."""
+"""Largest value of `Norm.margin` as a share of the cutoff. Coordinates that round more are too
+coarse anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Norm(Distance):
     """``|delta|_q``, ``delta_k = s_k min(r_k, P_k - r_k)``, ``r_k = |a_k - b_k| mod P_k``.
 
-    It is the Minkowski norm of the difference, with scales s and periods P, infinite by default: a
-    metric on points (docs/theory/distances.md). Differences are wrapped first, in the unit of the
-    column, and then scaled.
+    It is the Minkowski norm of the difference, with scales s and periods P. By default scales are 1
+    and periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are
+    wrapped first, in the unit of the column, and then scaled.
 
     Parameters
     ----------
     name : str
         Name as on the command line.
     power : {1.0, 2.0, inf}
-        Manhattan, Euclidean, Chebyshev.
+        1.0 means Manhattan, 2.0 Euclidean, and inf Chebyshev.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     period : sequence of float, optional
@@ -60,18 +61,20 @@ class Norm(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power; with periods at least 2, because the 1-norm of a chord may exceed the arc."""
+        """Power, with periods 2 instead of 1: the 1-norm of a chord may exceed the arc."""
         return max(self.power, 2.0) if self.period is not None else self.power
 
     def error(self, dimension: int) -> float:
-        """Return the error of a difference, its scale, and ``dimension - 1`` sums or hypotenuses.
+        """Return a bound of the relative rounding error, or 0 if no bound is known.
 
-        There is no bound for periodic components, because the difference to the period cancels.
+        The difference, its scaling, and ``dimension - 1`` sums or hypotenuses are rounded. With
+        periodic components no bound is known, because the subtraction from the period cancels
+        digits.
         """
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the rounding of differences, of decimal coordinates, and of circles."""
+        """Return the margin: the rounding of differences, decimal coordinates and circles."""
         size = max(np.abs(side.state).max(initial=0.0) for side in sides)
         if self.period is not None:
             size = max(size, *(period for period in self.period if period < np.inf), 0.0)
@@ -79,7 +82,7 @@ class Norm(Distance):
         return float(min(REACH_ROUNDING * cutoff + blur, MAX_BLUR * cutoff))
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
-        """Return the mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        """Return, exactly, for each of N pairs whether it is nearer than its own cutoff, (N,)."""
         from fractions import Fraction  # lazy: as in `exactly_nearer`
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
@@ -97,7 +100,7 @@ class Norm(Distance):
         return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
-        """Return 0 without periods: then differences of doubles are exact to their last place."""
+        """Return 0 without periods, as differences of doubles are exact to their last place."""
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))
@@ -119,7 +122,7 @@ class Norm(Distance):
             yield size if self.scale is None else self.scale[k] * size
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Return the derivative of the norm by the second point, both (d, N)."""
+        """Return the derivative of the norm by the point `b`; all arrays are (d, N)."""
         scale = np.ones((len(a), 1)) if self.scale is None else np.array(self.scale)[:, None]
         difference = b - a
         for k, period in enumerate(self.period or ()):
@@ -132,7 +135,7 @@ class Norm(Distance):
         if self.power == np.inf:
             largest = np.argmax(np.abs(difference), axis=0) == np.arange(len(difference))[:, None]
             return np.where(largest, scale * sign, 0.0)
-        length = reduce(np.hypot, np.abs(difference))  # the absolute value of a single component
+        length = reduce(np.hypot, np.abs(difference))  # for a single component its absolute value
         return scale * shares(difference, length)
 
     def embed(self, axes: Floats) -> Floats:
@@ -149,7 +152,7 @@ class Norm(Distance):
         return np.array(points)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff in units of the column: a norm is at least each difference."""
+        """Return the cutoff in units of each column, as a norm is at least each difference."""
         if self.scale is None and self.period is None:
             return np.full((len(axes), 1), cutoff)
         reach: list[float] = []
@@ -163,7 +166,7 @@ class Norm(Distance):
 
 
 def shares(parts: Floats, whole: Floats) -> Floats:
-    """Return quotients; 0 where the whole is 0."""
+    """Return quotients; a quotient is 0 if the whole is 0."""
     return np.asarray(np.divide(parts, whole, out=np.zeros_like(parts), where=whole > 0))
 
 

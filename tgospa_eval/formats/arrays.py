@@ -108,7 +108,7 @@ def _array(path: str, data: bytes) -> Array:
 
 
 def kind_of(name: str) -> tuple[str, str]:
-    """Return the kind of a variable, a key of `NAMES`, and the axes in its name, or blanks."""
+    """Return the kind of a variable (a key of `NAMES`) and the axes in its name, or blanks."""
     base, _, axes = name.rpartition("_")
     for kind, names in NAMES.items():
         if name in names:
@@ -294,7 +294,7 @@ def all_compared(names: tuple[str, ...]) -> Notice:
     return Notice(
         code="all-components",
         text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
-        remedy=f"if some are velocities choose the positions, "
+        remedy=f"if some are velocities, choose the positions, "
         f"{option('columns', f'x={names[0]},y={names[2]}')} (in Python also mapping=(0, 2))",
     )
 
@@ -306,7 +306,7 @@ def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]],
     for name, array in arrays.items():
         kind, _ = kind_of(name)
         if kind in kinds:
-            raise InputError(f"{path}: {kinds[kind][0]} and {name} are the same; leave one out")
+            raise InputError(f"{path}: {kinds[kind][0]} and {name} are alike; leave one out")
         if kind:
             kinds[kind] = name, array
         else:
@@ -416,8 +416,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     """Read the rows of an npz file, the same in either role.
 
     The file has arrays ``id, t, weight, x, y, ...`` of one length, like the columns of a CSV file.
-    ``x`` may also be an array (P, d), whose columns are named x, y, z, or x0, x1, ... if there are
-    more. Or the file has arrays by step and track.
+    ``x`` may also be an array (P, d) of P rows and d columns. These are named x, y, z, or x0, x1,
+    ... if d > 3. The file may also have arrays by step and track.
 
     Raises
     ------
@@ -440,9 +440,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # NumPy opens any zip file
             raise InputError(
-                f"{path}: not a readable npz file: {quoted(name)} in it is not an array; write it "
-                "with "
-                "numpy.savez, and tables, such as those of a spreadsheet, as CSV"
+                f"{path}: not a readable npz file: {quoted(name)} in it is not an array; write "
+                "arrays with numpy.savez, and tables, such as those of a spreadsheet, as CSV"
             )
     if any(array.ndim >= AXES for array in arrays.values()):
         return array_rows(path, arrays, options, file=len(data))

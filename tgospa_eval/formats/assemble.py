@@ -43,7 +43,7 @@ def rules_said() -> dict[str, str]:
 
 def no_classes() -> str:
     """Return the notice about a filter by class for a file without classes."""
-    return f"no column class: {option('class_')} leaves all its rows in"
+    return f"no column class, so {option('class_')} leaves out none of its rows"
 
 
 def centres_compared() -> str:
@@ -193,8 +193,8 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
         placed[roles.id], placed[roles.time] = "t", "id"
         yield Notice(
             code="ids-exchanged",
-            text="rows of one id are far apart, those of one step near: the columns of ids and "
-            "times may be swapped",
+            text="rows of one id are far apart, and rows of one step are near each other: the "
+            "columns of ids and times may be swapped",
             remedy=f"{ask(options.option, placed)} reads them so",
         )
     if roles.other_ids and len(used) > 2 and (used == 1).all():
@@ -243,7 +243,8 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
-"""Number of rows that are examined, and least ratio of distances if ids and times are swapped."""
+"""Number of rows that are examined; and ratio of distances from which ids and times may be
+swapped."""
 
 
 OFTEN_NONE = "many programs write it for rows without a track"
@@ -263,8 +264,9 @@ UNKNOWN = (-1.0, 0.0)
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
     """Return the headers of the states if all positions are unknown and the user named no states.
 
-    Unknown states are blank or the same in all rows. They are the numbers that programs write for
-    unknown positions, or there are several objects, which cannot have one position.
+    All positions are unknown if they are blank or the same in all rows, and one of two things
+    holds. Programs write these numbers for unknown positions, or there are several objects, which
+    cannot have one position.
     """
     columns = dict.fromkeys(column for mix in rows.roles.state for column, _ in mix)
     if not len(rows.numbers) or not rows.roles.headers or parse_columns(options.columns)[1]:
@@ -317,7 +319,7 @@ def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) ->
         elif match != name:
             yield f"class {quoted(match)} is read as {quoted(name)}"
         elif variants:
-            yield f"class {quoted(name)} as it is written; {quoted(variants[0])} is another"
+            yield f"class {quoted(name)} is as written; {quoted(variants[0])} is another class"
 
 
 class _Choice:
@@ -661,9 +663,11 @@ def refusal(
     row = int(second[k])
     first = int(taken[np.searchsorted(key[taken], key[row])])
     where, roles = rows.where, rows.roles
+    already = where(first).removeprefix(f"{rows.name}, ")
+    duplicates = f" (and {counted(len(again) - 1, 'more duplicate')})" if len(again) > 1 else ""
     message = (
-        f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} was given before, "
-        f"{where(first)}{more(len(again))}; "
+        f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} is already in "
+        f"{already}{duplicates}; "
     )
     cause = _cause(taken, again, rows, columns)
     if cause:
@@ -685,7 +689,7 @@ def refusal(
     remedy = f"{option('on_duplicate', 'first')} or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
-    return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
+    return f"{message}write one row per object and step, or use {remedy}; {PARTICLES_HINT}"
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:

@@ -213,8 +213,8 @@ def carried(times: Times, begins: float, name: str) -> Times:
     first = 0 if unit == 1 else int(value.min()) // day * day
     if value.min() < first or value.max() >= first + day:
         raise InputError(
-            f"{name}: {option('day_begins', plain(begins))}: is for times of day, below "
-            f"{day // unit:,}, but some are larger; leave it out if times have dates"
+            f"{name}: {option('day_begins', plain(begins))} is for times of day, below "
+            f"{day // unit:,}, but some times are larger; leave it out if times have dates"
         )
     later = np.where(value - first < begins * unit, value + np.asarray(day, value.dtype), value)
     if unit == 1:

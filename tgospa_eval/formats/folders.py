@@ -17,7 +17,7 @@ from tgospa_eval.quoting import listed
 
 TUM_FIELDS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 YOLO_FIELDS = ("class", "cx", "cy", "width", "height")
-YOLO_RULE = "lines are class, cx, cy, width, height, confidence where there is one, and id"
+YOLO_RULE = "a line has class, cx, cy, width, height, perhaps confidence, and id"
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
@@ -71,7 +71,7 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     for stem, place, words in _lines(path, data, options):
         frame = re.fullmatch(r"(.*?)(\d+)", stem)
         if frame is None:
-            raise InputError(f"{path}, {place}: the name of the file must end in the frame, clip_7")
+            raise InputError(f"{path}, {place}: the file name must end in the frame number, clip_7")
         names.add(frame[1])
         has_id = len(words) in (6, 7) and words[-1].isdigit()
         if not has_id or not all(map(is_number, words)):
@@ -81,7 +81,7 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         places.append(place)
     if len(names) > 1:
         videos = listed(sorted(names))
-        raise InputError(f"{path}: frames of several videos ({videos}); a folder for each")
+        raise InputError(f"{path}: frames of several videos ({videos}); use a folder for each")
     return pd.DataFrame(rows, columns=["id", "t", *YOLO_FIELDS], index=places)
 
 

@@ -87,7 +87,7 @@ def from_frame(
         find_roles([*levels, *headers], options, name)  # its error names all missing columns
         indexed = ", ".join(map(quoted, levels))
         raise InputError(
-            f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
+            f"{name}: {indexed} must be a column but is in the index; call reset_index() first"
         ) from None
     if has_patterns(options):
         return assemble(table_rows(frame, options, name), options, "frame")
@@ -101,7 +101,7 @@ def frame_rows(
     decimal: str,
     where: Callable[[int], str] | None = None,
 ) -> Rows:
-    """Convert a DataFrame to rows; `name` begins the messages, `decimal` is the mark in texts.
+    """Convert a DataFrame to rows; `name` begins the messages, `decimal` is the decimal mark.
 
     `where` returns the place of a row, for messages; by default `name` and the number of the row.
 
@@ -405,7 +405,9 @@ def read_deeplabcut(
     if len(parts) > 1:
         what = "one of each animal" if has_animals else "each as an object"
         remedy = ask(options.option, [f"{name}={header}" for name, header in mapped.items()])
-        raise InputError(f"{path}: several body parts ({listed(parts)}); to read {what}, {remedy}")
+        raise InputError(
+            f"{path}: several body parts ({listed(parts)}); to read {what}, use {remedy}"
+        )
     return lengthened(table, mapped)
 
 

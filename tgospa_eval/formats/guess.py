@@ -138,8 +138,8 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 def folder_format(path: str) -> str:
     """Return the format of a folder that is read as one side; blank for any other path.
 
-    Files of TUM, with eight numbers in each line, and CSV files without ids have a trajectory each.
-    Files of YOLO have the boxes of a frame each.
+    A file of TUM has eight numbers in each line. A file of TUM or a CSV file without ids has one
+    trajectory. A file of YOLO has the boxes of one frame.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""

@@ -18,7 +18,7 @@ PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Return the columns of each complete object by role; empty if no header fits."""
+    """Return the positions of the columns of each object that has all of them, by id and name."""
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -96,7 +96,7 @@ def columns_of_each(
     """
     maps, wanted = parse_columns(shared)
     parsed = [parse_columns(items) for items in own]
-    # A table without a header, or with coordinates of another kind, has separate columns.
+    # Columns of a side are its own if they name a table without a header, or if not `alike`.
     placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(parsed, placed, strict=True)
     named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
@@ -112,7 +112,7 @@ def columns_of_each(
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Parse the header of each mapped name, and the names of the state columns, in order.
+    """Return the header of each mapped name, and the names of the state columns in order.
 
     Edges of boxes and entries of covariances are state columns only if they are named without
     ``=``; weights never are.
@@ -298,7 +298,7 @@ class Headers:
                 self.keyed.setdefault(key, []).append((k, unit))
 
     def spelt(self, header: str, name: str) -> int | None:
-        """Return the position of a header in any case; `name` is the column in messages."""
+        """Return the position of a header, in upper or lower case; `name` is for messages."""
         if header in self.exact:
             return self.exact[header]
         places = self.folded.get(header.casefold())
@@ -322,7 +322,7 @@ class Headers:
         return None if plainly else self._only(self.places(name), name)
 
     def compared(self, name: str, keyword: str) -> int:
-        """Return the position of a column that a filter compares; it may have another role as well.
+        """Return the position of a column that a filter compares; other roles do not matter.
 
         Raises
         ------
@@ -421,7 +421,7 @@ class Headers:
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the headers of seconds and fractions of one time, as secs and nsecs."""
+    """Return the headers of seconds and fractions of one time, such as secs and nsecs."""
     words = {name: words_of(name) for name in names}
     whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
@@ -469,7 +469,7 @@ DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     """Remove mappings to missing headers that another file may have; return a message for each.
 
-    A message is for the case that all files lack the header.
+    The message is raised if all files lack the header.
 
     Raises
     ------
@@ -538,7 +538,7 @@ def absent(
         items += [name for name in states if name not in named]
     also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
     if also and missing == ["id"]:
-        also += "; where each file is an object, add a column id with its name"
+        also += "; if each file is an object, add a column id with its name"
     boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
     if "position" in missing and boxes:
         if boxes[0].endswith(".0"):
@@ -547,6 +547,9 @@ def absent(
             own = [f"{name}={header}" for name, header in named.items() if name not in ("x", "y")]
             own = [item for item in own if item.partition("=")[0] != "position"]
             both = [ask(headers.option, [*own, *four]) for four in (corners, sizes)]
-            return f"{lost}; map the box with {both[0]} if it is two corners, {both[1]} if its size"
+            return (
+                f"{lost}; map the box with {both[0]} if it has two corners, or with "
+                f"{both[1]} if it has a corner and a size"
+            )
         also += f"; {boxes[0]} is read from columns left, top and width, height or right, bottom"
     return f"{lost}; rename the columns, or map them with {ask(headers.option, items)}{also}"

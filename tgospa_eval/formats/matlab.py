@@ -1,11 +1,12 @@
 """Sets of trajectories in MAT files, in the form of the published MATLAB code and in other forms.
 
-The published code has a structure with ``tVec`` (n,), the first step of each trajectory, counted
-from 1; ``iVec`` (n,), its length; and ``xState`` (d, T, n), the states by step. Only states within
-a trajectory count, and NaN there means that the target is absent. A set may also be arrays of
-`formats.arrays`, in a structure or as variables. Or it may be cells by step, ``X{k}`` (d, n_k) with
-labels ``L{k}`` (l, n_k), as in toolboxes of random finite sets. A cell or a structure array may
-have one set in each element: the runs of a Monte Carlo study.
+The published code has a structure for n trajectories, T steps and d components. ``tVec`` (n,) is
+the first step of each trajectory, counted from 1. ``iVec`` (n,) is its length. ``xState`` (d, T, n)
+has the states by step. Only states within a trajectory count, and NaN there means that the target
+is absent. A set may also be arrays of `formats.arrays`, in a structure or as variables. Or it may
+be cells with an element for each step k, as in toolboxes of random finite sets: ``X{k}`` (d, n_k)
+has the states and ``L{k}`` (l, n_k) the labels of n_k objects. A cell or a structure array may have
+one set in each element: the runs of a Monte Carlo study.
 """
 
 import io
@@ -420,13 +421,13 @@ def _by_step(fields: Structure, name: str) -> Structure:
         count = state.shape[1]
         if not isinstance(own, np.ndarray) or not own.size or own.size % count:
             raise InputError(
-                f"{where}: {counted(count, 'state')} without a label each; {' or '.join(LABELS)} "
-                "says step by step which track a state is of"
+                f"{where}: {counted(count, 'state')} without labels; {' or '.join(LABELS)} "
+                "must say for each state which track it belongs to"
             )
         labels = own.T if own.shape[-1] == count else own.reshape(count, -1)
         ids = ["-".join(f"{part:g}" for part in label) for label in labels.tolist()]
         if len(set(ids)) < count:
-            raise InputError(f"{where}: two states have one label in {named[0]}")
+            raise InputError(f"{where}: two states have the same label in {named[0]}")
         at = np.array([tracks.setdefault(text, len(tracks)) for text in ids], np.int64)
         rows.append((k, at, state))
     sizes = {len(state) for *_, state in rows} or {2}
@@ -562,7 +563,7 @@ class _Sets:
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
-                f"{self.file}: both sides are its variable {name}; it has "
+                f"{self.file}: truth and estimate are both its variable {name}; it has "
                 f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 

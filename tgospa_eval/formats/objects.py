@@ -77,7 +77,8 @@ class TrackLike(Protocol):
 
 
 Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
-"""Components of state vectors to compare, for both sides or as a pair for the two sides."""
+"""Components of state vectors to compare: one sequence for both sides, or one each for truth and
+estimate."""
 
 
 def _rows_of_tracks(
@@ -89,10 +90,10 @@ def _rows_of_tracks(
 ) -> Rows:
     """Convert tracks and ground-truth paths of Stone Soup to rows, by their attributes.
 
-    If a track has several states at one time, the last one counts, as with
+    If a track has several states at one time, the last of these counts, as with
     ``last_timestamp_generator`` of Stone Soup: an update after its prediction. If covariances are
-    read, they are ``covar``, NaN where a state has none; or the columns of ``state_vector`` are
-    particles, with the weights ``weight``. Otherwise states are points.
+    read, they are ``covar``, and NaN for a state without one. The columns of ``state_vector`` may
+    also be particles, with the weights ``weight``. Otherwise states are points.
 
     Raises
     ------
@@ -112,7 +113,7 @@ def _rows_of_tracks(
     if other is not None:
         raise InputError(
             f"{name}: id {quoted(other[0])}, t {other[1]} has {len(other[2])} components, the "
-            f"first state {size}; choose the same by mapping=(0, 2)"
+            f"first state has {size}; choose the same by mapping=(0, 2)"
         )
     names = columns if columns is not None and len(columns) == size else column_names(size)
     row = np.repeat(np.arange(len(states)), [len(points) for *_, (points, _), _ in states])
@@ -123,8 +124,8 @@ def _rows_of_tracks(
     if len(row) > len(states):
         if spread is not None:
             raise InputError(
-                f"{name}: id {quoted(spread[0])}, t {spread[1]} has a covariance, other states "
-                "have particles; all have the one or the other"
+                f"{name}: id {quoted(spread[0])}, t {spread[1]} has a covariance, but other "
+                "states have particles; give all states the same kind"
             )
         points, table["weight"] = map(np.concatenate, zip(*(s[3] for s in states), strict=True))
     else:
@@ -258,9 +259,9 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
     ]
     if len(set(counted)) > 1:
         raise InputError(
-            f"{names[0]} has {counted[0]} steps and {names[1]} {counted[1]}: arrays "
-            "(T, k, d) have the same T; rows of NaN mean that nothing exists at a step, and a pair "
-            "(times, array) says when the steps are"
+            f"{names[0]} has {counted[0]} steps and {names[1]} has {counted[1]}: arrays "
+            "(T, k, d) must have the same T; fill steps without objects with NaN, or give pairs "
+            "(times, array)"
         )
 
 
@@ -291,7 +292,7 @@ def components_of(
     if mapping is None:
         return [None] * len(given)
     if all(is_path(s) or isinstance(s, Trajectories) or hasattr(s, "columns") for s in given):
-        raise ConfigError("mapping is for tracks and arrays; of files and tables choose columns")
+        raise ConfigError("mapping is for tracks and arrays; for files and tables choose columns")
     try:
         whole: list[Any] = list(mapping)
         is_pair = len(whole) == 2 and all(isinstance(side, Iterable) for side in whole)
@@ -648,7 +649,7 @@ def of_mapping(
     timed = {isinstance(value, tuple) for value in tracks.values()}
     if len(timed) > 1:
         raise InputError(
-            f"{name}: some tracks are pairs of times and states, others are not; all or none"
+            f"{name}: some tracks are pairs of times and states, others are not; write all alike"
         )
     timestamps: list[object] = []
     states: list[Floats] = []
@@ -658,7 +659,7 @@ def of_mapping(
             states.append(_states(value, where))
             continue
         if len(value) != 2:
-            raise InputError(f"{where}: a tuple of {len(value)}; a pair is times and states")
+            raise InputError(f"{where}: a tuple of {len(value)}; it must be (times, states)")
         states.append(_states(value[1], where))
         own = _listed(value[0], where)
         if len(own) != len(states[-1]):
@@ -851,7 +852,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
     if frame is None and isinstance(given, (np.ndarray, list, tuple)):
         if np.ndim(given) != 1:
             raise InputError(
-                f"{GIVEN}: an array of shape {np.shape(given)}; one weight a step, (T,)"
+                f"{GIVEN}: an array of shape {np.shape(given)}; it must be (T,), a weight a step"
             )
         frame = pd.DataFrame({"t": np.arange(len(given)), "weight": given})
     if frame is None:

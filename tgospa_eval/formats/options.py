@@ -139,7 +139,8 @@ def _parsed(text: str, keyword: str) -> tuple[Comparison, ...]:
         if match is None:
             raise ConfigError(
                 f"{keyword} {quoted(text)}: must be COLUMN >= NUMBER or COLUMN == TEXT, with ==, "
-                "!=, <, <=, > or >=, several joined by and; what has blanks in quotes, 'a b' >= 1"
+                "!=, <, <=, > or >=; join several by and, and put names with blanks in quotes, "
+                "'a b' >= 1"
             )
         (column, given), mark = (_unquoted(match[k]) for k in (1, 3)), match[2]
         whole = parsed_whole(match[3])
@@ -250,7 +251,7 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
             declared.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
     if len(declared) != 1:
         raise ConfigError(
-            f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two "
+            f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY: two "
             "numbers or two ISO times, and how far apart the steps are, such as 0:99 or "
             "0:10:100ms"
         )
@@ -324,9 +325,9 @@ class ReadOptions:
     Parameters
     ----------
     columns : tuple of str, optional
-        State columns in order; an item ``"name=header"`` maps a name to a header
-        (``"id=trk"``, ``"t=clock"``, ``"x=px"``). By default x, y, z as far as present, else
-        lat, lon, else the centres of boxes.
+        State columns in order; an item ``"name=header"`` maps a name to a header (``"id=trk"``,
+        ``"t=clock"``, ``"x=px"``). The default is x, y, z as far as the file has them, otherwise
+        lat, lon, otherwise the centres of boxes.
     decimal : {".", ","}
         Decimal mark.
     on_duplicate : {"error", "first", "last"}
@@ -347,9 +348,9 @@ class ReadOptions:
     also : tuple of str
         Further classes that pass a filter by class.
     kept : tuple of str
-        Rules of the format whose rows are not left out.
+        Rules of the format that are not applied: the rows stay.
     regions : bool
-        Whether the reading has the boxes that are regions instead of objects.
+        Whether the reading also has the boxes of the file that mark ignored regions, not objects.
     region : str, optional
         Ranges of the rows to read, ``"x=-50:50,y=0:100"``, ends included; either end may be blank.
     where : tuple of Where
@@ -386,8 +387,9 @@ class ReadOptions:
     hidden : tuple of str
         Headers of unknown positions, which are part of a state only if they are mapped.
     heights : {"", "tell", "use"}
-        Whether to look for a column of heights or elevations, and whether it is part of the state,
-        for positions on the Earth and ranges if the user named no states.
+        Treatment of a column of heights or elevations, if the user named no states: ``"use"`` makes
+        it part of the state, ``"tell"`` only notes it, and ``""`` ignores it. It is for positions
+        on the Earth, and for ranges.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str

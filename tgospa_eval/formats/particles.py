@@ -27,7 +27,7 @@ class Particles:
     uneven : int
         Number of clouds whose weights in the file do not sum to 1.
     worst : float
-        Sum of the weights of a cloud that is farthest from 1.
+        The sum of weights, among all clouds of the file, that is farthest from 1.
     idle : int
         Number of rows with weight 0.
     """
@@ -77,7 +77,10 @@ class Particles:
             one = "cloud of {} particles is compared by its mean"
             many = "clouds of {} particles are compared by their means"
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
-            texts.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
+            texts.append(
+                f"{len(clouds)} {what}; "
+                f"{option('distance', 'cloud-wasserstein')} compares all particles"
+            )
         if self.uneven:
             have = counted(self.uneven, "cloud has", "clouds have")
             texts.append(
@@ -122,7 +125,7 @@ def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | No
         clouds = int(np.count_nonzero(largest == 0))
         raise InputError(
             f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; {RULE}; "
-            "leave out the rows of what does not exist"
+            "leave out the rows of absent objects"
         )
     cloud = np.zeros(len(given), np.int64)
     cloud[used] = number

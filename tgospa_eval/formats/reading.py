@@ -245,8 +245,8 @@ def by_one_place(
 ) -> list[Reading | None]:
     """Read all sides by the same columns of positions, if `by_place` changed those of one side.
 
-    If one side has centres of boxes afterwards and the other has points, a side whose own positions
-    are unknown has a warning.
+    If one side then has centres of boxes and the other has points, a side with unknown positions
+    gets a warning.
 
     Parameters
     ----------
@@ -332,7 +332,7 @@ def with_heights(
             high = read_by(replace(own, heights="use"))
             if high.taken < one.taken:
                 text = f"heights are left out: {name} has {counted(one.taken - high.taken, 'row')} "
-                text += f"without ({one.height})"
+                text += f"without heights ({one.height})"
                 flat = there[0], replace(there[1], notices=(*there[1].notices, text))
                 return list(flat)
             one = high
@@ -374,9 +374,10 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
     """
     if distance == "haversine":
         raise ConfigError(
-            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), and "
-            f"{option('distance', 'haversine')} has none: {option('distance', 'geodesic')} "
-            f"compares them, {option('columns', 'lat,lon')} leaves them out"
+            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), but "
+            f"{option('distance', 'haversine')} ignores heights; use "
+            f"{option('distance', 'geodesic')}, or leave heights out with "
+            f"{option('columns', 'lat,lon')}"
         )
 
 

@@ -53,8 +53,10 @@ class Roles:
 
     Parameters
     ----------
-    id, time : int
-        Column of the ids and of the times.
+    id : int
+        Column of the ids.
+    time : int
+        Column of the times.
     state : tuple of Mix
         Quantities of the state, in order.
     names : tuple of str
@@ -87,8 +89,8 @@ class Roles:
         Notices about other headers that may be ids or times, about comments, and about the decimal
         mark.
     missing : dict of str to str
-        Columns that another file may have and this table lacks, with a message for each, which is
-        for the case that all files lack it.
+        Columns that another file may have and this table lacks. The message for each is raised if
+        all files lack the column.
     doubts : tuple of Notice
         Warnings about doubtful roles.
     more_ids : tuple of int
@@ -182,7 +184,7 @@ class Roles:
         for name, header in self._headers().items():
             if name in self.missing:
                 yield (
-                    f"{name} is read from column {quoted(header)}: it has no header as named by "
+                    f"{name} is read from column {quoted(header)}: there is no header as named by "
                     f"{option('columns')}"
                 )
         yield from self.passed
@@ -433,7 +435,7 @@ class _Mixes:
         return self.plain_box or _box(self.headers.find, self._centre)
 
     def _centre(self, axis: str) -> int | None:
-        """Return the column of the centre of boxes if mapped or named so, as x may be a corner."""
+        """Return the column of the centre of boxes, if its header says centre or it is mapped."""
         column = self.headers.find(axis)
         known = axis in self.headers.mapped or (
             column is not None and CENTRE.search(self.headers.names[column])
@@ -600,8 +602,8 @@ def without_header(fields: Sequence[str], name: str, where: str) -> str:
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
-        f"{option(name or 'columns')}, of t, id, x, y, z or left, top, width, height, and - for "
-        f"others, or name the format ({formats})"
+        f"{option(name or 'columns')} (t, id, x, y, z or left, top, width, height; - for others), "
+        f"or name the format ({formats})"
     )
 
 
@@ -618,8 +620,8 @@ def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[
         return None
     if len(names) > count:
         raise InputError(
-            f"{where}: {counted(count, 'column')}, and {option('columns')} names {len(names)}; "
-            "name no more"
+            f"{where}: {counted(count, 'column')}, but {option('columns')} names {len(names)}; "
+            f"name at most {count}"
         )
     shown = [name if name not in SKIPPED else "" for name in names]
     return [

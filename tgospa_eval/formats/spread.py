@@ -78,9 +78,9 @@ SPELLINGS = (
     (("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), ("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), False),
     (("rho_{0}{1}", "rho_{0}_{1}"), ("std_{0}", "sigma_{0}"), True),
 )
-"""Headers of covariances in order of priority: off the diagonal, on it, and whether those on it are
-standard deviations. {0} and {1} are state columns, {2} and {3} their numbers from 1. Only names of
-one letter are joined without an underscore."""
+"""Headers of covariances in order of priority: headers off the diagonal, headers on the diagonal,
+and whether the latter are standard deviations. {0} and {1} are state columns, {2} and {3} their
+numbers from 1. Only names of one letter are joined without an underscore."""
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:

@@ -115,7 +115,7 @@ def motchallenge_text(trajectories: Trajectories, role: str) -> str:
 
 
 def kitti_text(trajectories: Trajectories, role: str) -> str:
-    """Format as KITTI tracking labels with the class Car and the image box; the rest is unknown.
+    """Format as KITTI tracking labels: class Car and the image box; other fields are unknown.
 
     The fields are ``frame id type truncated occluded alpha left top right bottom`` with six
     decimals, then dimensions -1, location -1000 and rotation -10, which mean "unknown" in KITTI.
@@ -157,7 +157,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
             number, frame = int(identity), int(str(time))
         except ValueError:
             raise InputError(
-                f"{name} files number objects and frames; id {quoted(identity)} at {time} does not "
-                "fit"
+                f"{name} files have whole numbers as ids and frames; id {quoted(identity)} at "
+                f"{time} does not fit"
             ) from None
         yield number, frame, state.tolist()

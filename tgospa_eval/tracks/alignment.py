@@ -1,7 +1,8 @@
-"""Alignment of two sides on one time grid: timestamps that are one step, and steps that count.
+"""Alignment of truth and estimate (the two sides) on one time grid.
 
-This module is independent of files and of the metric. On a common clock each report of an estimate
-holds for the period of the tracker. It is compared with the truth at its own time, and the clock
+Rules decide which timestamps of the sides are one step, and which steps count. This module is
+independent of files and of the metric. On a common clock each report, a row of the estimate, holds
+for the period of the tracker. The report is compared with the truth at its own time, and the clock
 only samples which reports hold. No states are added to the reports (docs/how-to/time.md).
 """
 
@@ -35,20 +36,21 @@ class TimeMatching:
     Parameters
     ----------
     tolerance : float
-        >= 0, finite, in the unit of the timestamps, seconds for ISO times. Timestamps of the two
-        sides are one step if they are at most so far apart, and each is the nearest to the other.
-        Decimals that differ only by rounding are always one step.
+        Duration >= 0 in the unit of the timestamps, or in seconds for ISO times. A timestamp of the
+        truth and one of the estimate are one step if they differ by at most the tolerance, and each
+        is the nearest to the other. Decimals that differ only by rounding are always one step.
     grid : {"union", "truth", "estimate", "common"}
-        Steps that count: those of either side, of one side, or of both.
+        Steps that count. ``"union"`` means steps of any side, ``"common"`` steps of both sides, and
+        the other two mean steps of that side.
     interpolate : {"estimate", "truth"}, optional
         Side that is interpolated at the timestamps of the other side, see `tracks.interpolation`.
     max_gap : float, str, or pair of these, optional
         Longest time between two states of a track to interpolate across. With `resample` a second
-        value is the longest time between two reports of an estimate in one run.
+        value is allowed: the longest time between consecutive reports of a track in one run.
     resample : float or str, optional
         Spacing of a common clock. Its multiples from the first to the last timestamp of the truth
-        are the steps. The truth is interpolated there, and reports of the estimate hold for their
-        period, see `ClockReports`.
+        are the steps. The truth is interpolated at the steps. Reports of the estimate hold for
+        their period, see `ClockReports`.
     period : float or str, optional
         Period of the reports of the estimate; by default the median interval within tracks.
     steps : Steps, optional
@@ -119,7 +121,7 @@ class TimeMatching:
         if self.max_gap is not None and not chosen:
             raise ConfigError(
                 f"{option('max_gap')} is for {option('interpolate')} and {option('resample')}; "
-                "say which, or leave it out"
+                "give one of these, or leave it out"
             )
         if len(chosen) > 1:
             raise ConfigError(
@@ -130,12 +132,12 @@ class TimeMatching:
         if self.interpolate and len(self.gaps) > 1:
             raise ConfigError(
                 f"{option('max_gap', metavar='TRUTH,ESTIMATE')} is for {option('resample')}; give "
-                "one"
+                "one value"
             )
         if self.outage is not None and not self.of_estimate:
             raise ConfigError(
-                f"{option('outage')} is for {option('interpolate', 'truth')} and "
-                f"{option('grid', 'estimate')} or common; leave it out"
+                f"{option('outage')} needs {option('interpolate', 'truth')}, or "
+                f"{option('grid', 'estimate')} or common; give one of these, or leave it out"
             )
         if self.steps is not None and self.resample is not None:
             raise ConfigError(
@@ -164,7 +166,7 @@ class TimeMatching:
 
     @property
     def gaps(self) -> tuple[Duration, ...]:
-        """Longest gap to interpolate across, and longest gap between reports, as far as given."""
+        """Longest gap to interpolate across; then, if given, longest gap between reports."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
 
     @property
@@ -221,7 +223,7 @@ def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
     each = given.split(",") if isinstance(given, str) else given
     parts = list(each) if isinstance(each, list | tuple) else [each]
     if not 1 <= len(parts) <= 2:
-        raise ConfigError(f"max-gap has {len(parts)} values: one, or TRUTH,ESTIMATE")
+        raise ConfigError(f"max-gap has {len(parts)} values: must be one, or TRUTH,ESTIMATE")
     gaps = [Duration.of(part, "max-gap") for part in parts]
     for gap in gaps:
         if not gap:
@@ -237,14 +239,16 @@ class Alignment:
     ----------
     truth, estimate : Trajectories
         Both sides with the same times; a joined step has the timestamp of the truth.
-    union, common : int
-        Number of steps of either side and of both sides, including steps that do not count.
+    union : int
+        Number of steps of any side, including steps that do not count.
+    common : int
+        Number of steps of both sides, including steps that do not count.
     joined : int
         Number of pairs of different timestamps that became one step.
     farthest : float
-        Largest difference of such a pair, in seconds or the unit of the timestamps.
+        Largest difference within these pairs, in seconds or the unit of the timestamps.
     left_out : pair of int
-        Number of rows of the two sides at steps that do not count.
+        Numbers of rows of the truth and of the estimate at steps that do not count.
     reports : ClockReports, optional
         Report of each row of the estimate; distances are computed at the timestamp of the report.
     """
@@ -331,12 +335,13 @@ def align(
 
 
 def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
-    """Return pairs of times of which each is the nearest to the other; ties go to the earlier.
+    """Return pairs of times of which each is the nearest to the other; in a tie, the earlier.
 
-    The result is increasing positions in the two sides, and the differences, uint64 or float. Both
-    sides must have times. Pairs do not cross, as the nearest timestamp does not decrease from one
-    timestamp to the next. So each timestamp is in one pair at most. Between two paired timestamps
-    there is no other timestamp of either side, as it would be nearer.
+    The result has the positions in `first`, those in `second`, both increasing, and the
+    differences, uint64 or float. Both sides must have times. Pairs do not cross, as the nearest
+    timestamp does not decrease from one timestamp to the next. So each timestamp is in one pair at
+    most. Between two paired timestamps there is no other timestamp of either side, as it would be
+    nearer.
     """
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
@@ -411,7 +416,7 @@ def comparable(
 
 
 def _nearest(own: Times, other: Times) -> Ints:
-    """Return the position of the nearest other time for each time; ties go to the earlier."""
+    """Return for each time the position of the nearest other time; in a tie, the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
     left, right = time_differences(own, other[before]), time_differences(own, other[after])
@@ -461,7 +466,7 @@ class ClockReports:
     truths : (n,) object array
         Ids of all true objects.
     truth_at : callable
-        Callable that receives a side and returns the truth at its timestamps.
+        Callable that receives a side and returns the truth at the timestamps of the side.
     period : float
         Time for which a report holds, in seconds or the unit of the timestamps.
     declared : bool

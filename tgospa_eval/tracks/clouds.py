@@ -36,11 +36,12 @@ class Clouds:
     Parameters
     ----------
     points : (P, d) float array
-        Finite positions of all particles, up to 1e150.
+        Finite positions of all P particles, up to 1e150.
     weights : (P,) float array
         Weights >= 0, which sum to 1 in each cloud up to rounding.
     first : (R + 1,) int array
-        Position of the first particle of each cloud, and P at the end. Every cloud has particles.
+        Position of the first particle of each of the R clouds, and P at the end. Every cloud has
+        particles.
 
     Raises
     ------
@@ -60,7 +61,7 @@ class Clouds:
         if points.ndim != 2 or weights.shape != points.shape[:1] or first.ndim != 1:
             raise InputError(
                 f"clouds: points {points.shape}, weights {weights.shape} and first {first.shape} "
-                "do not fit; (P, d), (P,) and (R + 1,) would"
+                "do not fit; use (P, d), (P,) and (R + 1,)"
             )
         ends = len(first) and first[0] == 0 and first[-1] == len(points)
         if not ends or not (np.diff(first) > 0).all():
@@ -68,7 +69,7 @@ class Clouds:
                 f"clouds: first must increase strictly from 0 to the {len(points)} particles"
             )
         if not np.isfinite(points).all():
-            raise InputError("clouds: points must be finite; leave particles out that are not")
+            raise InputError("clouds: points must be finite; leave out other particles")
         if np.abs(points).max(initial=0) > LARGEST_COORDINATE:
             raise InputError(
                 f"clouds: a particle is beyond {LARGEST_COORDINATE:g}; use another unit"

@@ -114,7 +114,7 @@ class Steps:
     first, last : int or float
         First and last step, as timestamps: numbers, or nanoseconds since 1970.
     every : Duration, optional
-        Time between two steps; by default 1, if both ends are integers and no ISO times.
+        Time between two steps. By default it is 1 if both ends are integers and not ISO times.
     clock : {"number", "local", "zoned"}
         Kind of the timestamps.
     text : str
@@ -184,7 +184,7 @@ def stretch(
     *,
     aligned: bool = False,
 ) -> TimeArray:
-    """Return times with the spacing `every`, from `first` on; `aligned` times are multiples.
+    """Return times from `first` to `last`, `every` apart; if `aligned`, multiples of `every`.
 
     Times are decimals counted in integers, so that the third multiple of 0.1 is 0.3.
     """
@@ -212,7 +212,7 @@ def stretch(
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
-"""Number of digits that exceeds those of a timestamp, a factor and an offset together."""
+"""Number of digits, more than a timestamp, a factor and an offset have together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,9 +231,9 @@ class Conversion:
     angles : tuple of str
         State columns that are not lengths.
     scale : tuple of (str, float)
-        Factors > 0 of single state columns, which are applied in addition.
+        Factors > 0 of single state columns, which are applied in addition to `unit_scale`.
     scale_option : str
-        Option of these factors, for messages.
+        Option that gives `scale`, for messages.
 
     Raises
     ------
@@ -391,8 +391,8 @@ class Conversion:
             return np.array([own.get(name, 1.0) for name in columns]) if own else None
         if any(column in PLACES for column in columns):
             raise ConfigError(
-                f"{option('unit_scale')} is for lengths, and lat,lon are degrees; "
-                f"{option('estimate_scale', 'alt=0.3048')} has a factor for a column"
+                f"{option('unit_scale')} is for lengths, and lat,lon are degrees; give a column a "
+                f"factor with {option('estimate_scale', 'alt=0.3048')}"
             )
         return np.array(
             [
@@ -429,7 +429,7 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
     with np.errstate(over="ignore"):
         product = state * factors
     if np.isinf(product).any():
-        raise ConfigError(f"{name}: a state becomes too large for a number by its scale")
+        raise ConfigError(f"{name}: a state times its scale is too large for a number")
     return product
 
 

@@ -19,10 +19,10 @@ from tgospa_eval.quoting import option
 MACHINE_EPSILON = 2.0**-52
 
 ROUNDED_EIGENVALUE = 1e-13
-"""Negated ratio of the least to the largest eigenvalue up to which it is rounding."""
+"""A negative least eigenvalue up to this share of the largest eigenvalue is rounding."""
 
 CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # includes decimals that are exactly a thousandth
-"""Negated ratio up to which a matrix counts as a covariance that was written with few digits."""
+"""Up to this share, the matrix counts as a covariance that was written with few digits."""
 
 LARGEST_VARIANCE = 1e150
 """Largest variance, for which products of two variances are doubles."""
@@ -31,7 +31,7 @@ ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Relative difference of two symmetric entries up to which their mean is used."""
 
 ILL = 1e-4
-"""Share of a variance left by other components, below which matrices of d >= 3 need pivots."""
+"""If other components leave less than this share of a variance, matrices of d >= 3 need pivots."""
 
 MATRICES_TOGETHER = 1 << 13
 """Number of matrices that are factored with pivots at a time."""
@@ -62,10 +62,10 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 def factor(packed: Floats) -> Floats:
     """Return packed lower factors L of covariances C = L L', which may be singular.
 
-    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards. The
-    first is 0 if it is not more than rounding. ``|L_ij|`` is at most the root of the remainder of
-    C_ii. If little is left of a variance, the difference is computed exactly (two components), or
-    with pivots and more digits (docs/theory/gaussian.md, "Equations").
+    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards.
+    ``L_jj^2`` is 0 if it may be rounding alone. ``|L_ij|`` is at most the root of the remainder of
+    C_ii. If little is left of a variance, the difference is computed exactly for d = 2, and with
+    pivots and more digits for d >= 3 (docs/theory/gaussian.md, "Equations").
     """
     d = size_of(len(packed))
     if d == 1:
@@ -181,8 +181,8 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
         Matrices that are covariances up to rounding are unchanged; in others negative eigenvalues
         are replaced by 0.
     ratio : (R,) float array
-        Least eigenvalue over the largest if it is negative beyond rounding, else 0; -inf if no
-        eigenvalue is positive.
+        Least eigenvalue divided by the largest, if the least one is negative beyond rounding;
+        otherwise 0. It is -inf if no eigenvalue is positive.
     """
     d = size_of(len(packed))
     ratio = np.zeros(packed.shape[1])

@@ -1,8 +1,9 @@
-"""Coverage of an evaluation: the horizon and the truth that count, for all verbs.
+"""Coverage of an evaluation: the horizon and the truth that count, for all commands.
 
-Values per step are divided by the horizon H, the number of timestamps in the file of the truth or
-of declared steps. Timestamps of an estimate do not matter. Two values are comparable if both
-digests are equal. States that are not evaluated are marked in the rows of truth and estimate.
+Values per step are divided by the horizon H: the number of timestamps in the file of the truth, or
+the number of declared steps. Timestamps of an estimate do not matter. Two values are comparable if
+they have equal digests of the steps and equal digests of the truth. States that are not evaluated
+are marked in the rows of truth and estimate.
 """
 
 import hashlib
@@ -24,11 +25,11 @@ from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 from tgospa_eval.tracks.weights import existence_of
 
 IGNORED, EXCUSED = "ignored", "excused"
-"""Columns of truth and estimate that mark states to leave out of the evaluation."""
+"""Columns that mark states to leave out: the first is of the truth, the second of the estimate."""
 
 MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
-"""Rules of ``--ignore`` for marks of truth and of estimate, and their columns."""
+"""Values of ``--ignore`` that use marks, each with the column that it reads."""
 
 NOT_COUNTED = "\0not judged"
 """Attribute of states that are not evaluated for any reason: ignored in the truth, excused in the
@@ -109,7 +110,7 @@ LANES = np.array([[0x9E3779B97F4A7C15], [0xC2B2AE3D27D4EB4F]], np.uint64)
 """Odd factors of 64-bit hashes of rows, one for each of the independent hashes."""
 
 DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 14
-"""Number of bits of a shift of a hash, modulus of the sums, and number of rows hashed at a time."""
+"""In this order: bits by which a hash is shifted, modulus of sums, rows hashed at a time."""
 
 NO_SUMS = (0,) * (1 + len(LANES))
 """Value of `row_sums` without rows."""
@@ -129,15 +130,18 @@ class Coverage:
     ----------
     steps : int
         Size of the horizon.
-    before, so_far : (T,) int arrays
-        Number of timestamps of the horizon that are earlier than each evaluated step, and number
-        that are earlier or equal.
+    before : (T,) int array
+        For each evaluated step the number of earlier timestamps of the horizon.
+    so_far : (T,) int array
+        For each evaluated step the number of earlier or equal timestamps of the horizon.
     ends : tuple of int, float or str
         First and last timestamp of the horizon, as they were read; empty if it has none.
     steps_sha256 : str
         Digest of the timestamps of the horizon.
-    truth_states, truth_steps : int
-        Number of states of the truth that count, and number of their steps.
+    truth_states : int
+        Number of states of the truth that count.
+    truth_steps : int
+        Number of steps with such a state.
     truth_sha256 : str
         Digest of the states that count.
     """
@@ -188,8 +192,10 @@ def judge(
         States of the truth that count, on the evaluated steps.
     sha256 : str
         Digest of the states that count.
-    states, at : int, optional
-        Number of states that count and number of their steps, if `truth` has no rows.
+    states : int, optional
+        Number of states that count, if `truth` has no rows.
+    at : int, optional
+        Number of steps with such a state, if `truth` has no rows.
     """
     ticks = horizon.times if len(horizon.times) else truth.times
     shown = horizon.shown if len(horizon.times) else truth.shown
@@ -234,7 +240,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _steps_of(record: Mapping[str, Any]) -> str:
-    """Return the numbers of steps with truth and of the horizon, which may lack some of them."""
+    """Return the number of steps with truth, and the size of the horizon, for messages."""
     at, horizon = record["truth_steps"], record["steps"]
     if at > horizon:
         return f"{counted(at, 'step')} (horizon: {horizon:,})"

@@ -30,7 +30,7 @@ RUN = 1.5
 """Largest number of periods between two rows of a track in one run."""
 
 SLACK = 1e-9
-"""Share of a period; a step that is so near to the end of a report belongs to the next report."""
+"""A step within this share of a period before the end of a report belongs to the next report."""
 
 
 def interpolated(
@@ -59,23 +59,23 @@ def interpolated(
     max_gap : float
         Longest gap, in the unit of the timestamps, seconds for ISO times.
     tolerance : float
-        Timestamps of both sides that are at most so far apart, and each the nearest to the other,
-        are equal.
+        Two timestamps, one of each side, count as equal if they differ by at most the tolerance,
+        and each is the nearest to the other.
     periods : dict of str to float, optional
         Periods of columns that wrap around; these are interpolated along the shorter way.
     names : pair of str
         Names of both sides, for messages.
     across : str
-        Attribute that marks states in longer gaps, which also have `tracks.coverage.AWAY`. If it is
-        blank, longer gaps have no states.
+        Attribute that marks states in longer gaps, which also get the attribute
+        `tracks.coverage.AWAY`. If `across` is blank, longer gaps have no states.
 
     Returns
     -------
     side : Trajectories
         The side at these timestamps.
     counts : tuple of int
-        Number of new states in gaps of at most `max_gap`, of kept states, and of left-out states at
-        timestamps that the other side does not have.
+        Number of new states in gaps of at most `max_gap`, number of kept states, and number of
+        states left out because the other side lacks their timestamp.
 
     Raises
     ------
@@ -228,9 +228,9 @@ def hold(
 ) -> tuple[Trajectories, ClockReports]:
     """Put the estimate on a common clock, where each report holds for its period.
 
-    Inside a run of a track a report holds up to the middle between it and its neighbours, and at
-    the ends of a run for half a period. So n regular reports hold for n periods, and a single
-    report for one period.
+    A run is consecutive reports of a track without a long gap. Inside a run a report holds up to
+    the middle between it and its neighbours. At both ends of a run it holds for half a period. So n
+    regular reports hold for n periods, and a single report holds for one period.
 
     Parameters
     ----------
@@ -299,5 +299,5 @@ def hold(
 
 
 def _period(gaps: Floats, step: float) -> float:
-    """Return the lower median interval of reports, or the step of the clock without intervals."""
+    """Return the lower median interval of reports, or the step if there are no intervals."""
     return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

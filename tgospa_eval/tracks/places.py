@@ -1,10 +1,11 @@
-"""Positions of two sides in one frame: the Earth, local axes, or range and bearing of a sensor.
+"""Conversion of the positions of truth and estimate (the two sides) to one frame.
 
-In two dimensions a position is s sin(a) east and s cos(a) north of the origin, with the length s
-and the direction a of the shortest path on WGS 84 (azimuthal equidistant). Lengths from the origin
-are those of the ellipsoid. Other lengths are too long by at most (s / R)^2 / 6, 0.016 % at 200 km.
-With heights a position is metres east, north and up of the tangent plane at the origin, and lengths
-are exact.
+A frame is the Earth, local axes, or range and bearing of a sensor. In two dimensions local axes are
+azimuthal equidistant: a position is s sin(a) east and s cos(a) north of the origin. Here s is the
+length and a the direction of the shortest path from the origin on WGS 84. Lengths from the origin
+are those of the ellipsoid. Other lengths are too long by at most the share (s / R)^2 / 6, with R
+the radius of the Earth: 0.016 % at 200 km. With heights a position is in metres east, north and up
+of the tangent plane at the origin, and lengths are exact.
 """
 
 import math
@@ -31,7 +32,8 @@ LIMITS = {
     "earth": ((0, "latitude", -90.0, 90.0), (1, "longitude", -360.0, 360.0)),
     "polar": ((0, "range", 0.0, math.inf), (2, "elevation", -90.0, 90.0)),
 }
-"""Columns with a limited range, by kind of frame: position, name, least and largest value."""
+"""Columns with a limited range, by kind of frame: position and name of the column, least and
+largest value."""
 
 AXES = re.compile(r"(enu|ned)(?::(.+))?")
 SYSTEM = re.compile(r"[A-Za-z]+:[0-9]+")
@@ -50,7 +52,8 @@ class Frame:
     text : str
         Frame as it was given.
     kind : {"earth", "local", "polar", "system"}
-        Degrees, metres along axes at the origin, range and angles from it, or a projected system.
+        ``"earth"`` has degrees, ``"local"`` metres along axes at the origin, and ``"polar"`` range
+        and angles from the origin. ``"system"`` is a projected system.
     columns : tuple of str, optional
         State columns; None means x, y and, if present, z.
     down : bool
@@ -69,7 +72,10 @@ class Frame:
     option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
-        """Return which states (d, R) are out of range in a column, this column, and a message."""
+        """Return the states out of range in a column, this column and a message; or None.
+
+        `axes` (d, R) has a row for each state column, and an entry for each state.
+        """
         for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
                 wrong = (axes[k] < low) | (axes[k] > high)
@@ -194,7 +200,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Set of True if a side is in local axes and False if a side is not."""
+        """Set with True if a side is in local axes, and with False if a side is not."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
@@ -212,10 +218,10 @@ class Frames:
     def joined(
         self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
-        """Convert both sides to one frame: local metres if one is local, else degrees and heights.
+        """Convert both sides to one frame: local metres if a side is local, else degrees, heights.
 
         Heights are part of the states if both sides have them. If only one side has heights,
-        leaving them out may move positions sideways, and a warning has the largest error.
+        leaving them out may move positions sideways, and a warning states the largest error.
 
         Raises
         ------
@@ -288,7 +294,7 @@ class Frames:
             places = self._converted(states, frame, len(columns))
             if not np.isfinite(places).all():
                 raise InputError(
-                    f"{frame.option} {frame.text}: places are outside of what it can express"
+                    f"{frame.option} {frame.text}: some places are outside of this frame"
                 )
             return places
 

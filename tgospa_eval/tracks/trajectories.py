@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 Values: TypeAlias = Floats | NDArray[np.object_]
-"""Numbers, NaN where missing, or texts, blank where missing."""
+"""Numbers (NaN if missing) or texts (blank if missing)."""
 
 Attributes: TypeAlias = Mapping[str, Values]
 """Values (R,) of each row, by name."""
@@ -33,7 +33,7 @@ ROW = "\0row"
 
 
 def file_order(step: Ints, attributes: Attributes) -> Ints:
-    """Return rows (R,) by step and in the order of their file; unchanged if it is unknown."""
+    """Return rows (R,) by step, and at a step in the order of the file if it is known."""
     if ROW not in attributes:
         return np.arange(len(step))
     return np.lexsort((attributes[ROW], step))
@@ -74,7 +74,7 @@ def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
 
 
 def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
-    """Append `rows` rows to the attributes of the first; missing if the second lacks them."""
+    """Append `rows` values of `second`, missing if it lacks them, to each attribute of `first`."""
     joined: dict[str, Values] = {}
     for name, values in first.items():
         missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
@@ -101,8 +101,9 @@ class Trajectories:
     Parameters
     ----------
     step, track : (R,) int32 arrays
-        Position in `times` and in `ids`; rows are sorted by (step, track), which is unique. Arrays
-        are int64 if there are too many times or ids.
+        For each of R rows, `step` is the position in `times`, and `track` the position in `ids`.
+        Rows are sorted by (step, track), and no such pair occurs twice. Arrays are int64 if there
+        are too many times or ids.
     state : (R, d) float array
         Finite states, in the user's unit.
     ids : (k,) array of str
@@ -124,8 +125,8 @@ class Trajectories:
         Particles of each row, whose weighted means are the states. Covariances are not allowed
         together with clouds.
     attributes : mapping of str to (R,) array, optional
-        Further values of each row, by name: numbers, NaN where missing, or texts, blank where
-        missing. Readers read only the requested columns.
+        Further values of each row, by name: numbers (NaN if missing) or texts (blank if missing).
+        Readers read only the requested columns.
     offered : tuple of str, optional
         All headers of the file, if attributes were requested.
 
@@ -182,7 +183,7 @@ class Trajectories:
         if self.track.shape != (rows,) or self.state.shape != (rows, len(self.columns)):
             raise InputError(
                 f"step {self.step.shape}, track {self.track.shape} and state {self.state.shape} "
-                f"do not fit {len(self.columns)} columns; (R,), (R,) and (R, d) would"
+                f"do not fit {len(self.columns)} columns; use (R,), (R,) and (R, d)"
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
@@ -213,13 +214,13 @@ class Trajectories:
         if covariance.shape not in ((rows, d, d), (rows, d * (d + 1) // 2)):
             raise InputError(
                 f"covariance {covariance.shape} does not fit state {self.state.shape}; "
-                "(R, d, d) would, and (R, d (d + 1) / 2)"
+                "use (R, d, d) or (R, d (d + 1) / 2)"
             )
         wrong = np.flatnonzero(~np.isfinite(covariance).all(axis=tuple(range(1, covariance.ndim))))
         if len(wrong):
             raise InputError(
-                f"{self._covariance(wrong[0])}: not finite{more(len(wrong))}; zeros make a state a "
-                "point"
+                f"{self._covariance(wrong[0])}: not finite{more(len(wrong))}; use zeros for a "
+                "state that is a point"
             )
         if covariance.ndim == 2:
             return covariance
@@ -358,7 +359,9 @@ class Trajectories:
         columns: tuple[str, ...] | None = None,
         covariance: Floats | None = None,
     ) -> "Trajectories":
-        """Build trajectories from an array (T, k, d), NaN if absent; ids and times count from 0.
+        """Build trajectories from an array of T times, k tracks and d columns, NaN if absent.
+
+        Ids and times count from 0.
 
         Parameters
         ----------
@@ -367,7 +370,8 @@ class Trajectories:
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional
-            Covariances; those of absent states are ignored. A matrix (d, d) is used for all states.
+            Covariances. Those of absent states are ignored. One matrix (d, d) is used for all
+            states.
 
         Raises
         ------
@@ -395,7 +399,7 @@ class Trajectories:
             if covariance.shape not in ((*states.shape, size), (size, size)):
                 raise InputError(
                     f"covariance {covariance.shape} does not fit states {states.shape}; "
-                    f"{(*states.shape, size)} would, and one matrix {(size, size)}"
+                    f"use {(*states.shape, size)}, or one matrix {(size, size)}"
                 )
             whole = np.broadcast_to(covariance, (*states.shape, size))
             covariance = whole[at, rows - at * tracks]
@@ -411,7 +415,7 @@ class Trajectories:
 
 
 def as_doubles(values: object) -> Floats:
-    """Convert numbers to doubles, NaN where they are masked.
+    """Convert numbers to doubles; masked numbers become NaN.
 
     Raises
     ------

@@ -18,8 +18,10 @@ class WeightsByTime:
     ----------
     times : (N,) int64 or float64 array
         Distinct times, as in `Trajectories`.
-    cost, switch : (N,) float arrays
-        Factors of the costs at each time, and of switches between the previous step and this one.
+    cost : (N,) float array
+        Factors of the costs at each time.
+    switch : (N,) float array
+        Factors of the switches between the previous time and this one.
     clock : {"number", "local", "zoned"}
         Kind of the times.
     name : str
@@ -51,7 +53,7 @@ class WeightsByTime:
                 "write both alike"
             )
         if not len(self.times):
-            raise InputError(f"{self.name}: there are no weights; give every step one")
+            raise InputError(f"{self.name}: there are no weights; give every step a weight")
         order = np.argsort(self.times, kind="stable")
         times = self.times[order]
         place = np.searchsorted(times, side.times).clip(max=len(times) - 1)
@@ -59,14 +61,14 @@ class WeightsByTime:
         if len(missing):
             raise InputError(
                 f"{self.name}: no weight for t = {side.shown[missing[0]]}{more(len(missing))}; "
-                "give every step of the two files one, 0 where it does not count"
+                "give every step of the two files a weight, 0 if the step does not count"
             )
         at = order[place]
         return self.cost[at], self.switch[at][1:]
 
 
 def repeated(times: TimeArray) -> tuple[int, int, int] | None:
-    """Find the first repeated time: its row, the row it repeats, and the number of repeats."""
+    """Find the first repeated time: its row, the earlier row, and the number of repeats."""
     order = np.argsort(times, kind="stable")
     again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
     if not len(again):

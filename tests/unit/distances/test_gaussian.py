@@ -289,7 +289,7 @@ def test_wrong_periods() -> None:
         gaussian_wasserstein([0, 0], None, [0, 0], None, period=[1, 2, 3])
     with pytest.raises(ConfigError, match="period is 0"):
         gaussian_wasserstein([0], None, [0], None, period=0)
-    with pytest.raises(InputError, match="not 3 in all"):
+    with pytest.raises(InputError, match="but there are 3"):
         W2([1, 2, 3], [1, 2, 3])
 
 
@@ -881,7 +881,7 @@ def test_wrong_covariances_of_arrays(matrices: Array, message: str) -> None:
 
 def test_wrong_shape_of_covariances() -> None:
     side = Trajectories.from_array(np.zeros((1, 1, 2)))
-    with pytest.raises(InputError, match=re.escape("(R, d, d) would, and (R, d (d + 1) / 2)")):
+    with pytest.raises(InputError, match=re.escape("use (R, d, d) or (R, d (d + 1) / 2)")):
         Trajectories(**{**vars(side), "covariance": np.zeros((1, 4))})
 
 

@@ -216,7 +216,7 @@ def test_the_same_cloud_written_otherwise(size: int) -> None:
         ([(0, 0), (np.nan, 1)], [0.5, 0.5], "particle 1 is not finite; leave it out"),
         (np.zeros((0, 2)), [], r"points have the shape \(0, 2\): must be \(N, d\), not empty"),
         ([1, 1], [1], r"must be \(2,\), one per point; a single point is \[\[x, y\]\]"),
-        (np.zeros((1, 3)), [1], "first cloud has 3 components, the second 2"),
+        (np.zeros((1, 3)), [1], "first cloud has 3 components, the second has 2"),
         ("abc", [1], "points and weights must be arrays of numbers"),
     ],
 )
@@ -299,7 +299,7 @@ def test_wrong_resampling() -> None:
         with pytest.raises(ConfigError, match="must be a whole number, 1 or more"):
             restrict_cloud(X, U, size)
     for offset in (1.1, -0.1, np.nan, [0.1, 0.2]):
-        with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\]|offset is nan"):
+        with pytest.raises(ConfigError, match=r"offset must be .* in \[0, 1\]|offset is nan"):
             resample_cloud(X, U, 3, offset=offset)
 
 
@@ -427,7 +427,7 @@ def test_large_coordinates_keep_their_digits() -> None:
         ({"restarts": 0}, "restarts is 0: must be a whole number, 1 or more"),
         ({"polish": -1}, "polish is -1: must be a whole number, 0 or more"),
         ({"seed": 0.5}, "seed is 0.5: must be a whole number, 0 or more"),
-        ({"directions": 1}, "1 directions do not span 2 dimensions; give 2 at least"),
+        ({"directions": 1}, "1 directions do not span 2 dimensions; give at least 2"),
         ({"directions": [(1, 0), (2, 0)]}, "2 directions do not span 2 dimensions"),
         ({"directions": [1, 2, 3]}, r"directions have the shape \(3,\): must be \(V, 2\), finite"),
         ({"start": [(0, 0)]}, r"start has the shape \(1, 2\): must be \(2, 2\), finite"),

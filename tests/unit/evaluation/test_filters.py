@@ -194,7 +194,9 @@ def test_one_guard(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r'id "2", t 2026-01-01T00:00:04\): no covariance'):
             verb(truths, gaussian, **given)
         assert verb(truths, gaussian, **given, missing_cov="zero").total > 0
-    with pytest.raises(InputError, match=r'id "1", t .* has a covariance, other states have part'):
+    with pytest.raises(
+        InputError, match=r'id "1", t .* has a covariance, but other states have part'
+    ):
         evaluate(truths, [*gaussian[:1], *clouds[1:]], **given)
     gaussian[1].states[4] = GaussianState(bare.state_vector, -np.eye(4), timestamp=bare.timestamp)
     with pytest.raises(InputError, match=r"t 2026-01-01T00:00:04\): negative .* or use fix_cov"):
@@ -203,5 +205,5 @@ def test_one_guard(tmp_path: Path) -> None:
     assert evaluate(truths, [Track([], id="none")], **given).counts["missed"] == STEPS * TARGETS
     with pytest.raises(ConfigError, match=r"b: state vectors have 4 components.*mapping=\(0, 2\)"):
         associate(rows(truths), gaussian, 20.0)
-    with pytest.raises(InputError, match=r"a has 2 steps and b 3: arrays"):
+    with pytest.raises(InputError, match=r"a has 2 steps and b has 3: arrays"):
         associate(np.zeros((2, 1, 2)), np.zeros((3, 1, 2)), 5.0)

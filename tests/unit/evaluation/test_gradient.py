@@ -208,7 +208,10 @@ def test_clouds_that_data_change_have_none() -> None:
     rows = {"id": [1, 1], "t": [0, 0], "x": [0.0, 1.0], "weight": [0.5, 0.5]}
     pytest.importorskip("ot")
     for distance, message in (
-        (CloudWasserstein(reduction=Reduction(size=1)), "reduced clouds have"),
+        (
+            CloudWasserstein(reduction=Reduction(size=1)),
+            "no derivative is known for reduced clouds",
+        ),
         (CloudWasserstein(inner="mahalanobis"), "is taken from the data"),
     ):
         result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance=distance)

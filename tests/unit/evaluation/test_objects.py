@@ -113,8 +113,8 @@ def test_each_form_gives_the_same_number(
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
-        (np.zeros((5, 1, 2)), "truth has 5 steps and estimate 6.*pair"),
-        ({"a": np.zeros((5, 2))}, "truth has 5 steps and estimate 6"),
+        (np.zeros((5, 1, 2)), "truth has 5 steps and estimate has 6.*pair"),
+        ({"a": np.zeros((5, 2))}, "truth has 5 steps and estimate has 6"),
         ({"a": np.zeros((5, 2)), "b": np.zeros((4, 2))}, '"a" has the shape .*"b" .4, 2.'),
         ({"a": np.zeros((6, 2)), 1: ([1], np.zeros((1, 2)))}, "some tracks are pairs"),
         ({"a": ([1, 2], np.zeros((1, 2)))}, 'truth, track "a": 2 times and 1 states'),
@@ -195,7 +195,7 @@ def test_tracks_of_stone_soup(arrays: tuple[np.ndarray, np.ndarray], expected: R
     # Unnormalised: 1/2 of the weight on each of the two of the first axis.
     assert evaluate(even, particles(0, [2, 2, 0, 0]), **given).total == pytest.approx(3 * 1.0)
     odd = [Track("a", [State(k, np.zeros((2 + k, 1))) for k in range(2)])]
-    with pytest.raises(InputError, match=r'id "a", t 1 has 3 components, the first state 2'):
+    with pytest.raises(InputError, match=r'id "a", t 1 has 3 components, the first state has 2'):
         evaluate(even, odd, cutoff=9.0, columns="x0,x1")
     odd = [Track("a", [State(3, np.zeros((2, 1)), np.eye(3))])]
     with pytest.raises(InputError, match=r'"a", t 3: covar is \(3, 3\); must be \(2, 2\)'):

@@ -142,7 +142,7 @@ def zipped(name: str, content: bytes) -> bytes:
         ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, T = 1: sizes do not match; a is T x n x d"),
         ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is a duplicate"),
         ("a.npz", npz(a=SQUARE, columns=["x", "t"]), "a column of the states is named t"),
-        ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 was given before'),
+        ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 is already in'),
         ("a.npz", npz(a=SQUARE, t=[0, np.nan]), "not a finite time|blank time"),
     ],
 )

@@ -114,7 +114,7 @@ def changed(spread: Any) -> dict[str, Any]:
             {"x": STATES[:, 0], "t": BESIDE["t"]},
             "x 5 x 2, T = 5: sizes do not match",
         ),  # one track, or d = 1
-        ({"x": STATES, "states": STATES, **BESIDE}, "x and states are the same; leave one out"),
+        ({"x": STATES, "states": STATES, **BESIDE}, "x and states are alike; leave one out"),
         ({"x": STATES, "t": np.ones((2, 2))}, "t 2 x 2; it must be a vector"),
         (changed(np.nan), 'trajectory 2, step 3 (id "5", t 12): no covariance'),
         (changed([[1, np.nan], [np.nan, 1]]), "cov_xy is blank and other entries"),
@@ -194,6 +194,6 @@ def test_nothing_and_repetitions_in_memory() -> None:
     nothing = {"x": STATES[:, :0], "P": SPREADS[:, :0]}
     assert evaluate(STATES, nothing, cutoff=5.0).counts["missed"] == STEPS * TRACKS
     twice = {"x": STATES, "id": ["a", "b", "a"]}
-    with pytest.raises(InputError, match=r'"a" at t 0 was given before.*on_duplicate="first" or'):
+    with pytest.raises(InputError, match=r'"a" at t 0 is already in.*on_duplicate="first" or'):
         evaluate(STATES, twice, cutoff=5.0)
     assert evaluate(STATES, twice, cutoff=5.0, on_duplicate="first").sizes["estimates"] == 2

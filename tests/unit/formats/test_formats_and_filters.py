@@ -619,7 +619,7 @@ def test_columns_per_file(invoke: Run, write: Write) -> None:
         assert f'{path}, line 1: no header "TrackNr" for id' in named
     assert "did you mean --estimate-columns t=when,id=TrackId?" in named
     said = invoke(truth, estimate, "--columns", "id=TrackID,t=when").err
-    assert f'{truth}: id is read from column "id": it has no header as named by --columns' in said
+    assert f'{truth}: id is read from column "id": there is no header as named by --columns' in said
     # A header that this file must have.
     done = invoke(truth, estimate, "--estimate-columns", "t=when", "--truth-columns", "id=TrackId")
     assert (done.status, len(done.err.splitlines())) == (3, 1)
@@ -662,7 +662,7 @@ def test_a_filter_by_class_holds_where_there_are_classes(invoke: Run, write: Wri
     done = invoke(truth, estimate, "--class", "car", "--format", "json")
     document = json.loads(done.out)
     assert (document["sizes"]["truth"], document["sizes"]["estimates"]) == (1, 2)
-    assert f"{estimate}: no column class: --class leaves all its rows in" in done.err
+    assert f"{estimate}: no column class, so --class leaves out none of its rows" in done.err
     assert invoke(truth, estimate, "--by", "class").status == 3
     done = invoke(truth, truth, "--class", "car", "--estimate-class", "bus", "--format", "json")
     document = json.loads(done.out)
@@ -689,7 +689,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
     both = write("b.csv", "id,t,x,class\na,1,0,Car\nb,1,50,car\nc,1,99,bus\n")
     reading = read(both, ReadOptions(classes=("car",)))
     assert list(reading.trajectories.ids) == ["b"]
-    assert 'class "car" as it is written; "Car" is another' in reading.notices
+    assert 'class "car" is as written; "Car" is another class' in reading.notices
     reading = read(both, ReadOptions(classes=("car", "Car", "BUS")))
     assert list(reading.trajectories.ids) == ["a", "b", "c"]
     assert 'class "bus" is read as "BUS"' in reading.notices

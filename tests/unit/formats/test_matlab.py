@@ -341,16 +341,20 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
 
 def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"X": BOTH, "Y": np.ones((2, 3)), "k": "text"})
-    both = "a.mat: both sides are its variable X; it has X, Y, k; name both, a.mat:X a.mat:X"
+    both = "a.mat: truth and estimate are both its variable X; it has X, Y, k; name both"
     for pair in (("a.mat", "a.mat"), ("a.mat:X", "a.mat"), ("./a.mat", "a.mat:X")):
         for verb in ("evaluate", "explain", "inspect", "gate", "compare", "associate"):
             answer = invoke(verb, *pair, "-c", "10", *(["--max", "total=1"] * (verb == "gate")))
-            assert (verb, answer.status, "both sides are its variable X" in answer.err) == (
+            assert (
+                verb,
+                answer.status,
+                "truth and estimate are both its variable X" in answer.err,
+            ) == (
                 verb,
                 3,
                 True,
             )
-        with pytest.raises(InputError, match="both sides are its variable X"):
+        with pytest.raises(InputError, match="truth and estimate are both its variable X"):
             evaluate(*pair, 10)
     assert both in invoke("a.mat", "a.mat").err
     assert invoke("a.mat:X", "a.mat:X", "-c", "10").status == 0
@@ -508,9 +512,12 @@ def test_cells_by_step_of_toolboxes(tmp_path: Path) -> None:
     assert result.counts["false"] == 2
     assert result.localisation == pytest.approx(0.25)
     for change, message in (
-        ({"L": None}, r"X\{2\}: 1 state without a label each; L or track_list says step by step"),
-        ({"L": cells([[], [[2]], [[2]], [[2]]])}, r"X\{4\}: 2 states without a label each"),
-        ({"L": cells([[], [[2]], [[2]], [[2, 2]]])}, r"X\{4\}: two states have one label in L"),
+        ({"L": None}, r"X\{2\}: 1 state without labels; L or track_list must say for each"),
+        ({"L": cells([[], [[2]], [[2]], [[2]]])}, r"X\{4\}: 2 states without labels"),
+        (
+            {"L": cells([[], [[2]], [[2]], [[2, 2]]])},
+            r"X\{4\}: two states have the same label in",
+        ),
         ({"X": cells([[], np.ones((1, 1)), np.ones((2, 1)), []])}, "states of 1, 2 components"),
     ):
         changed = {k: v for k, v in (scene["est"] | change).items() if v is not None}

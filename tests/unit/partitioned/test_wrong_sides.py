@@ -75,7 +75,7 @@ STAMPS = [f"2024-05-01T00:00:{k:02}" for k in range(20)]
         (lambda f: f.rename(columns={"id": "mmsi"}), "{b}: it has the columns mmsi, t, x, y, but"),
         (lambda f: f.drop(columns="t"), "{header}: no column for t (found: id, x, y)"),
         (lambda f: f.assign(t=STAMPS), "{b}: its times are ISO times without zone, and those of"),
-        (lambda f: pd.concat([f, BASE[3:5]]), '{b}, {end}: id "3" at t 0 was given before, {a}, '),
+        (lambda f: pd.concat([f, BASE[3:5]]), '{b}, {end}: id "3" at t 0 is already in {a}, '),
         (lambda f: f.assign(z=1.0), "{b}: it has the columns id, t, x, y, z, but {a} has id, t,"),
     ],
 )
@@ -85,7 +85,7 @@ def test_rows_and_files_are_named(
     second = change(BASE[10:].astype({"x": object, "id": object}).infer_objects())
     folder = write(tmp_path / "d", second, ending)
     a, b = (folder / f"{name}.{ending}" for name in "ab")
-    end = len(second) - (2 if "given before" in message else 1)
+    end = len(second) - (2 if "already in" in message else 1)
     known = {
         "a": a,
         "b": b,

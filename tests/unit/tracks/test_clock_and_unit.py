@@ -151,7 +151,7 @@ def test_unit_scale_changes_lengths_alone() -> None:
         (("--time-scale", "-1"), "--time-scale is -1: must be > 0"),
         (("--time-offset", "nan"), '--time-offset is "nan": must be a number, or one with a unit'),
         (("--unit-scale", "inf"), "'--unit-scale': 'inf' is no plain, finite number"),
-        (("--unit-scale", "1e308"), "becomes too large for a number"),
+        (("--unit-scale", "1e308"), "times its scale is too large for a number"),
         (("--max-gap", "1"), "--max-gap is for --interpolate"),
         (("--interpolate", "truth"), "needs --max-gap DT: longer gaps"),
         (("--interpolate", "truth", "--max-gap", "0"), "max-gap is 0: must be finite and > 0"),

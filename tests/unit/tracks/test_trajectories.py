@@ -92,7 +92,9 @@ def test_masked_states_are_absent() -> None:
 
 
 def test_arrays_have_one_number_of_steps() -> None:
-    with pytest.raises(InputError, match=r"truth has 3 steps and estimate 2: arrays \(T, k, d\)"):
+    with pytest.raises(
+        InputError, match=r"truth has 3 steps and estimate has 2: arrays \(T, k, d\)"
+    ):
         evaluate(np.zeros((3, 1, 2)), np.zeros((2, 1, 2)), 1.0)
 
 
@@ -116,7 +118,7 @@ def test_columns_in_the_index_are_told(levels: list[str]) -> None:
     with pytest.raises(InputError) as raised:
         evaluate(frame, frame, 1.0)
     named = ", ".join(f'"{level}"' for level in levels)
-    said = f"{{}}: {named} must be a column and is in the index; call reset_index() first"
+    said = f"{{}}: {named} must be a column but is in the index; call reset_index() first"
     assert str(raised.value).split("\n") == [said.format("truth"), said.format("estimate")]
     with pytest.raises(InputError, match="no column for position"):
         evaluate(frame.drop(columns="x"), frame, 1.0)

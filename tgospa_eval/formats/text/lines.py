@@ -1,8 +1,8 @@
 """Conversion of lines of text to columns, in two ways with equal results.
 
-A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields. For
-text that is not plain there are `blocks_of` and `gather`. They receive fields from the readers of
-the formats, and report mistakes with their lines.
+A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields.
+`blocks_of` and `gather` convert text that is not plain. Both receive fields from the readers of the
+formats, and report mistakes with their lines.
 """
 
 import csv

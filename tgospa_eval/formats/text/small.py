@@ -102,7 +102,7 @@ def rows_of(
 ) -> tuple[list[int], list[list[str]]]:
     """Return the line and fields of each row; the first row decides the delimiter.
 
-    With `even`, the first row is a header, and all rows must have as many fields.
+    With `even`, the first row is a header, and all rows must have as many fields as the header.
     """
     check_text(data, path)
     text = decode(data, path)

@@ -114,8 +114,9 @@ def header_of(
 ) -> tuple[list[str], Roles, str, int, int]:
     """Find the header; return headers, roles, delimiter, and number and begin of the first row.
 
-    The header is the first line that is understood as one, also if it begins like a comment. Above
-    it may be comments and a few lines of titles, below it a few lines of units or names.
+    The header is the first line that is understood as one, also if it begins like a comment.
+    Comments and a few lines of titles may be above the header, and a few lines of units or names
+    below it.
     """
     faults: dict[int, InputError] = {}  # by number of fields; the first is the likeliest header
     comments = skipped = 0
@@ -393,8 +394,10 @@ def _read(
         Path and bytes of the file.
     options : ReadOptions
         Options of reading; the decimal mark is always a point.
-    layouts, rule
-        Names of the columns by the number of fields, and the message about other numbers.
+    layouts
+        Names of the columns by the number of fields.
+    rule
+        End of the message about a row with another number of fields.
     texts : tuple of str
         Names of the columns to return as texts, if the file has them.
     given : bool
@@ -503,9 +506,9 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
     mask = np.asarray((state == unknown).all(axis=1), bool)
     if len(mask) and mask.all():
         raise InputError(
-            f"{rows.name}: no row has a place in space, all are {unknown:g}; without "
-            f"{option('columns')} the centres of the boxes are compared, with "
-            f"{option('distance', 'iou')} the boxes"
+            f"{rows.name}: no row has a place in space, all are {unknown:g}; leave "
+            f"{option('columns')} out to compare the centres of boxes, or use "
+            f"{option('distance', 'iou')} to compare boxes"
         )
     rows.excluded["no place"] = mask, f"without a place in space ({unknown:g}): absent at that step"
 
