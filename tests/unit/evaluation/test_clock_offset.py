@@ -174,7 +174,7 @@ def test_the_offset_that_is_proposed_works(invoke: Run, write: Write) -> None:
         "warning" not in invoke(first, second, "-c", "10", "-g", "5", "--time-offset", "-3600").err
     )
     late = replace(estimate, times=estimate.times + 24.7)
-    with pytest.warns(TgospaWarning, match=r"use time_offset=-24\.7;"):
+    with pytest.warns(TgospaWarning, match=r"use time_offset=-24\.7\."):
         evaluate(truth, late, 10.0, 2, 5.0)
 
 
