@@ -235,7 +235,7 @@ def _step_of(side: PartsSide, on: Trajectories) -> Ints:
 
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
-"""Pair of tracks that come near each other: their numbers in a block, and their near steps."""
+"""Pair of tracks that come near each other: numbers in a block, and number of near steps."""
 
 
 def fitted(
