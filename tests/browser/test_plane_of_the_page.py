@@ -162,7 +162,7 @@ def test_the_plane_shows_what_was_read() -> None:
 
 def test_ellipses_are_drawn_and_can_be_hidden(shown: Callable) -> None:
     tab = shown(laws(np.diag([25.0, 4.0])), "#step=1")
-    assert "4 of 4 95 % ellipses; and all of the selected step" in note(tab)
+    assert "4 of 4 95 % ellipses. All of the selected step" in note(tab)
     assert tab.run("document.querySelector('#plane-section .legend').innerText").endswith("ellipse")
     drawn = picture(tab)
     tab.run("document.getElementById('shapes').click()")
@@ -370,7 +370,7 @@ def test_particles_are_drawn_and_can_be_hidden(shown: Callable) -> None:
     legend = tab.run("document.querySelector('#plane-section .legend').innerText")
     assert "95 % ellipse" in legend
     assert "particles, area by weight" in legend
-    assert "of 240 particles (the page has 240), their area by weight" in note(tab)
+    assert "of 240 particles (of 240 in the page), their area by weight" in note(tab)
     drawn = picture(tab)
     tab.run("document.getElementById('particles').click()")
     assert picture(tab) != drawn

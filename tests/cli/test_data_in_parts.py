@@ -117,7 +117,8 @@ def test_what_is_left_out_does_not_depend_on_blocks(
     asked = (*METRIC, "--grid", grid, "--class", "car", "--format", "json", "-q")
     if grid != "truth":
         answer = invoke(*(str(tmp_path / side) for side in ("truth", "estimate")), *asked)
-        assert (answer.status, "--outage none if it reports only" in answer.err) == (2, True)
+        remedy = "--outage none if the tracker reports only"
+        assert (answer.status, remedy in answer.err) == (2, True)
         asked += ("--outage", "none")
     sides = str(tmp_path / "truth"), str(tmp_path / "estimate")
     found = []

@@ -1,7 +1,7 @@
 """Worked examples with known values: one-dimensional states, NaN where nothing exists.
 
 GOSPA and T-GOSPA values were computed by the authors' published MATLAB and Python code and by an
-LP of our own; T1 to T9 are derived in docs/theory and docs/reference/other-metrics.md.
+LP of our own; T1 to T9 are derived by hand.
 """
 
 import numpy as np
