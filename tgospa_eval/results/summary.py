@@ -233,9 +233,9 @@ def rows(
             ("which explains {} of the squared error", n["latency.gain"], percent),
         ),
         "objects": words(
-            (f"{{}} followed at least {100 * tracked:g} %", n["mostly_tracked"], plain),
-            (f"{{}} at least {100 * lost:g} %", n["partly_tracked"], plain),
-            ("{} less", n["mostly_lost"], plain),
+            (f"{{}} mostly tracked (at least {100 * tracked:g} %)", n["mostly_tracked"], plain),
+            ("{} partly tracked", n["partly_tracked"], plain),
+            (f"{{}} mostly lost (below {100 * lost:g} %)", n["mostly_lost"], plain),
         )
         if numbers["truth_states"]
         else "",
@@ -254,8 +254,8 @@ def rows(
         else "",
         "false tracks": words(
             ("{}", n["false_tracks"], plain),
-            ("{} a step", n["false_tracks_per_step"], plain),
-            ("{} long", n["false_track_length"], steps),
+            ("{} of their states a step", n["false_tracks_per_step"], plain),
+            ("mean length {}", n["false_track_length"], steps),
         ),
         "cardinality": words(
             ("error {} on average", n["cardinality_error"], plain),
