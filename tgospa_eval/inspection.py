@@ -60,7 +60,7 @@ def inspect(
         notices = [notice for notice in diagnose(sides, request) if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
-            both["nearest"]["suggested"] = None  # the distances are not errors
+            both["nearest"]["suggested"] = None  # these distances are no localisation errors
     document["warnings"] = [notice.record() for notice in warnings]
     return document
 
@@ -349,7 +349,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Yield lines on how the files fit; `warned` means that a warning names the other clock."""
+    """Yield lines on how the files fit; `warned`: a warning already says that clocks differ."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""

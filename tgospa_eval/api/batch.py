@@ -533,7 +533,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """Yield the jobs with their options and keys; jobs without options of their own share one."""
+    """Yield the jobs with their keys and options; jobs without own options share one record."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)

@@ -74,7 +74,7 @@ ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """Return the settings of a point in the middle, and the parameters of all points.
+    """Return the settings of a point in the middle, and the parameters of all points by value.
 
     Raises
     ------

@@ -181,7 +181,7 @@ class DistanceOptions:
     def columns(
         requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """Return state columns to read: the requested ones, then those that the distance needs."""
+        """Return the requested columns, with those of the distance if no states are named."""
         if needed is None or parse_columns(requested)[1]:
             return None if requested is None else tuple(requested)
         return (*(requested or ()), *needed)

@@ -44,7 +44,7 @@ IN_OBJECTS = {
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Return all options as keywords, except those in `without`."""
+    """Return all options as keywords, except those in `OF_THE_COMMAND` and in `without`."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 

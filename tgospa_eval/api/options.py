@@ -337,8 +337,8 @@ class Request(Values):
     region: str | None = _filters(
         "--region REGION",
         "Only rows inside ranges of columns, x=-50:50,y=0:100, ends included, of which one may be "
-        "left out; inside a circle, circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the "
-        "regions of a file, as with --ignore-regions.",
+        "left out; inside a circle, circle=LAT,LON,RADIUS, or circle=X,Y,RADIUS if states are not "
+        "on the Earth; or inside the regions of a file, as with --ignore-regions.",
     )
     where: tuple[str, ...] = _filters(
         "--where TEST",
@@ -766,7 +766,7 @@ class BatchOptions(Values):
         "Time axis of curves: start is the time since the start of each run, stamps are the "
         "timestamps. If it is given, a run counts from its first step to its last.",
         choices=("start", "stamps"),
-        shown="stamps, or start if most runs do not overlap",
+        shown="stamps, or start if at most half of the runs are under way at once",
     )
 
     evaluation: Request = Request()

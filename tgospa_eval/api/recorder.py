@@ -35,7 +35,7 @@ PARTICLES = 3
 class Recorder:
     """Recorder that collects truth and estimate frame by frame, and evaluates them at any time.
 
-    The time of an update depends only on the number of its own objects.
+    How long an update takes depends only on its own frame, not on earlier frames.
 
     Examples
     --------
@@ -85,7 +85,7 @@ class Recorder:
         truth_covariances, estimate_covariances : (n, d, d) array, optional
             Covariances of the states.
         truth_weights, estimate_weights : (n, N) array, optional
-            Weights of the particles, scaled to the sum 1; equal by default.
+            Weights of the particles. They need not sum to 1; by default they are equal.
 
         Raises
         ------
@@ -210,7 +210,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
 
     Without states, d is 0.
     """
-    from tgospa_eval.formats.frames import id_text  # lazy: as pandas
+    from tgospa_eval.formats.frames import id_text  # lazy: imports pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
     if not isinstance(listed, (list, tuple)):

@@ -236,7 +236,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # kinds of numbers are ranges: both ends are enough
+        values = column.to_numpy()  # a kind of number accepts an interval
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -384,7 +384,7 @@ def same_data(
     digests: tuple[Sequence[str], Sequence[str]],
     brackets: tuple[Sequence[Interval], Sequence[Interval]],
 ) -> bool:
-    """Return whether two results of the same evaluation have the same estimates.
+    """Return whether two results of the same runs have the same estimates.
 
     Parameters
     ----------
@@ -398,7 +398,7 @@ def same_data(
     Raises
     ------
     SolverError
-        The values of a run are proven to differ, although its data are the same.
+        A run has the same data in both results, but its brackets do not overlap.
     """
     alike = [bool(own) and own == other for own, other in zip(*digests, strict=True)]
     for same, own, other in zip(alike, *brackets, strict=True):
@@ -419,7 +419,7 @@ def pair_numbers(
     *,
     truth: bool = True,
 ) -> "pd.Series[int]":
-    """Return a number for each job: jobs that can be compared have the same number.
+    """Return a number for each job: the same if truth, parameters and other labels agree.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Store of a batch: settings, and parts with a row for each job.
 
 A part is written to a temporary file and then renamed. A process that is killed therefore leaves
-all finished parts and no incomplete part. If several rows have the same key, the latest finished
-row counts.
+all finished parts and no incomplete part. If several rows have the same key, the latest row
+with the status "done" counts.
 """
 
 import errno
@@ -375,7 +375,9 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """Return the latest finished row of each job, or else its latest row, sorted by labels.
+        """Return the latest row of each job with the status "done", or else its latest row.
+
+        Rows are sorted by labels.
 
         Raises
         ------

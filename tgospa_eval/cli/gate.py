@@ -98,7 +98,7 @@ def command(
       tgospa-eval gate old_results new_results          two stores of a batch
       tgospa-eval gate --suite suite.toml --against origin/main
 
-    Exit status: 0 passed, 1 regression (proven; for groups inferred from seeds),
+    Exit status: 0 passed, 1 regression (proven, or for groups inferred from seeds),
     2 wrong option, baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
     given = {

@@ -88,7 +88,7 @@ class Distance(ABC):
 
     The search sorts points, not states. `embed` maps each state to a point. `reach` returns a reach
     of each state on each coordinate. If two points differ on a coordinate by the larger of their
-    reaches or more, the pair is not near, and its distance is not computed.
+    reaches or more, the pair is not near, and its distance need not be computed.
 
     Attributes
     ----------
@@ -363,7 +363,7 @@ def check_columns(
         extra = [column for column in own.columns if column not in other.columns]
         if extra:
             common = [column for column in own.columns if column in other.columns]
-            remedy = f"choose what to compare with {option('columns', ','.join(common) or 'x,y')}"
+            remedy = f"to compare only some, use {option('columns', ','.join(common) or 'x,y')}"
             if {*PLACES} <= {*truth.columns} ^ {*estimate.columns}:
                 local = "truth" if "lat" in estimate.columns else "estimate"
                 remedy = (

@@ -71,7 +71,7 @@ class IoU(Distance):
         return nearer
 
     def last_place(self, sides: Sides) -> float:
-        """Return the last place of 1, as the distance is 1 minus a ratio."""
+        """Return about the rounding of a ratio near 1, as the distance is 1 minus this ratio."""
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:

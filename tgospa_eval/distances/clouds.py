@@ -336,8 +336,8 @@ class CloudWasserstein(Distance):
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     gating : bool
-        Whether bounds exclude pairs. If False, transport is solved for every pair of a step, as a
-        check.
+        Whether bounds exclude pairs. If False, the distance of every pair of a step is computed, as
+        a check.
 
     Raises
     ------

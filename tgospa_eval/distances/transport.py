@@ -108,7 +108,8 @@ def restrict_cloud(
     """Return the particles with the highest weights, normalised again.
 
     The tails of the distribution are lost with the light particles. So the distance between
-    restricted clouds is biased, often by a third and more. The function is for comparisons.
+    clouds of few remaining particles is biased, often by a third and more. The function is for
+    comparisons.
 
     Parameters
     ----------

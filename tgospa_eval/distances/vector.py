@@ -18,8 +18,8 @@ SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Limits of scales and periods, beyond which products with a cutoff may overflow."""
 
 MAX_BLUR = 2.0**-20
-"""Largest value of `Norm.margin` as a share of the cutoff. Coordinates that round more are too
-coarse anyway."""
+"""Largest value of `Norm.margin` as a share of the cutoff. If coordinates have larger rounding
+errors, they are too coarse for this cutoff anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class Norm(Distance):
     power : {1.0, 2.0, inf}
         1.0 means Manhattan, 2.0 Euclidean, and inf Chebyshev.
     scale : sequence of float, optional
-        State units per unit of each column, > 0.
+        Factor of each column, > 0: from its unit to the unit of the distance.
     period : sequence of float, optional
         Period of each column, > 0 in its unit; inf for a column that is not periodic.
 
@@ -61,7 +61,7 @@ class Norm(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power, with periods 2 instead of 1: the 1-norm of a chord may exceed the arc."""
+        """Power of the search tree: 2 instead of 1 for periods, as chords may exceed arcs."""
         return max(self.power, 2.0) if self.period is not None else self.power
 
     def error(self, dimension: int) -> float:
@@ -74,7 +74,10 @@ class Norm(Distance):
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the margin: the rounding of differences, decimal coordinates and circles."""
+        """Return how far from the cutoff rounding may matter, as `Distance.margin`.
+
+        Differences, decimal coordinates and remainders by a period are rounded.
+        """
         size = max(np.abs(side.state).max(initial=0.0) for side in sides)
         if self.period is not None:
             size = max(size, *(period for period in self.period if period < np.inf), 0.0)
@@ -100,7 +103,10 @@ class Norm(Distance):
         return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
-        """Return 0 without periods, as differences of doubles are exact to their last place."""
+        """Return how much the last places of states change a distance, as `Distance.last_place`.
+
+        Without periods it is 0, because differences of doubles are exact to their last place.
+        """
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))
@@ -152,7 +158,7 @@ class Norm(Distance):
         return np.array(points)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff in units of each column, as a norm is at least each difference."""
+        """Return the cutoff in the unit of each column, which no difference may exceed."""
         if self.scale is None and self.period is None:
             return np.full((len(axes), 1), cutoff)
         reach: list[float] = []

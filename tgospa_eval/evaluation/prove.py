@@ -281,7 +281,7 @@ BLOCK = 1 << 16
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Return parts of the cost of each assigned pair (N,), by name; empty if there are no parts."""
+    """Return the parts that sum to the cost of each assigned pair (N,), by name; maybe none."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale

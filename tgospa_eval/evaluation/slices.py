@@ -523,7 +523,7 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
 """Costs in units of c^p and counts, by row of the truth and by row of the estimate.
 
-Rows of the truth have localisation, misses and switches; rows of the estimate have false ones."""
+Rows of the truth have localisation, misses and switches; rows of the estimate false targets."""
 
 
 def slice_members(

@@ -196,7 +196,7 @@ class Axes:
         self.periods = [periods.get(name, np.inf) for name in names] if periods else None
 
     def between(self, first: Floats, second: Floats) -> Floats:
-        """Return second minus first states (N, d) by axis, (N, q)."""
+        """Return the differences, second - first, of states (N, d) along each of q axes (N, q)."""
         difference = shortest_differences((second - first)[:, self.chosen], self.periods)
         if self.is_box:  # the position of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
@@ -239,11 +239,13 @@ class Axes:
             own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
-            if compared.reports is not None:  # on a common clock a report counts at its own time
+            if (
+                compared.reports is not None
+            ):  # with --resample, errors are those at the time of the report
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
-            else:  # a report that holds for several steps does not move
+            else:  # not with --resample, where a report holds for several steps and does not move
                 time, who = timestamps[truth.step[row]], sides[1].track[to[own]]
                 on = (np.diff(row) == 1) & (np.diff(who) == 0) & ~truth.first[row[1:]]
                 span = np.diff(time)
@@ -365,9 +367,9 @@ class _Stretches:
     """Followed stretches of true objects: numbers by object, and sums over all objects.
 
     By object: `fragments` counts interruptions, `longest` is in steps, and `delay` is the time
-    until the object is first followed. Over all objects: `breaks` counts ends of a stretch and
-    changes of its estimate, and `time` sums the time from each followed state to the next state of
-    the same object.
+    until the object is first followed. Over all objects: `breaks` counts ends of a stretch before
+    the last state of its object, and changes of its estimate; `time` sums the time from each
+    followed state to the next state of the same object.
     """
 
     fragments: Ints
@@ -412,7 +414,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
 
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return distinct pairs of tracks, and sums of their weights, by truth and time."""
+    """Return distinct pairs of tracks and sums of their weights, for pairs in order of truth."""
     for _ in range(2):  # neighbours are compared first, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
@@ -476,7 +478,8 @@ def _siap(tracked: Tracked) -> Json:
     """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
     An association is a run of states of a true object to which one estimate is assigned. The
-    longest segment of an object is the total time of one estimate, as Stone Soup counts it.
+    longest segment of an object is, as in Stone Soup, the largest total time for which one estimate
+    is assigned to it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]

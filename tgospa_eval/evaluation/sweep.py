@@ -32,7 +32,9 @@ CONCAVE = ("cutoff", "switch_penalty")
 """Parameters for which prices interpolated between two neighbours are a useful start."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""Half sweeps over all states; iterations. After less work, a solution is not kept as a start."""
+"""Half sweeps over all states, and iterations.
+
+A solution without a warm start that took no more work than this is not kept as a start."""
 
 
 def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:

@@ -1,7 +1,7 @@
 """Proof by the prices of a result that its assignment of near pairs is the only best one.
 
 At best prices v, every best assignment is a mixture of paths that are best for their rows. It also
-fills every slot (an estimate at a step) with v > 0, by complementary slackness. Rows that compete
+fills every slot (steps of an estimate) with v > 0, by complementary slackness. Rows that compete
 for an estimate are indifferent at these prices, so prices alone do not decide the path of each row.
 But a certain state of one row decides states of other rows: the slot that it fills is closed to
 them. If one state remains for a slot with v > 0, it fills the slot (docs/how-to/gradient.md).

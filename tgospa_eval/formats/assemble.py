@@ -627,7 +627,7 @@ def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
     return values
 
 
-PARTICLES_HINT = "particles of one object need a column weight"
+PARTICLES_HINT = 'if the rows are particles of one object, add a column "weight"'
 
 ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 

@@ -18,7 +18,7 @@ PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Return the positions of the columns of each object that has all of them, by id and name."""
+    """Return the position of each column, by id and name, of objects with all named columns."""
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -96,7 +96,8 @@ def columns_of_each(
     """
     maps, wanted = parse_columns(shared)
     parsed = [parse_columns(items) for items in own]
-    # Columns of a side are its own if they name a table without a header, or if not `alike`.
+    # Names for a side hold only for that side if they include t, as for a table without a header,
+    # or if not `alike`.
     placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(parsed, placed, strict=True)
     named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
@@ -152,8 +153,12 @@ def ask(name: str, items: Sequence[str]) -> str:
 
         value = ",".join(items)
         return option(name, quote(value) if surface.get() == COMMAND else value)
-    names = (item.partition("=")[::2] for item in items)
-    return f"rename(columns={ ({header: name for name, header in names if header})!r})"
+    headers = {
+        f"HEADER of {name}" if header == "HEADER" else header: name
+        for name, _, header in (item.partition("=") for item in items)
+        if header not in ("", name)
+    }
+    return f"rename(columns={headers!r})"
 
 
 Mix = tuple[tuple[int, float], ...]
@@ -238,7 +243,7 @@ HINTS = {
     "id": "id$|mmsi|track|trk|obj|target|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
-"""Patterns of headers that are suggested for a column without an alias."""
+"""Patterns of headers to suggest for a column, if no header is its name or an alias."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """Parts in which the two headers of a position may differ."""
@@ -322,7 +327,7 @@ class Headers:
         return None if plainly else self._only(self.places(name), name)
 
     def compared(self, name: str, keyword: str) -> int:
-        """Return the position of a column that a filter compares; other roles do not matter.
+        """Return the position of a column that a filter compares; it may also be an id or a state.
 
         Raises
         ------
@@ -523,7 +528,7 @@ def absent(
     used |= {k for mix in states.values() for k, _ in mix or ()}
     guesses = headers.guess(missing, used)
     if "position" in missing and "x" not in guesses:
-        guesses |= {"x": "HEADER", "y": "HEADER"}
+        guesses |= {axis: axis if axis in headers.names else "HEADER" for axis in "xy"}
     named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
     # The suggestion keeps the columns and states that the user has named.
     named |= headers.mapped
@@ -552,4 +557,5 @@ def absent(
                 f"{both[1]} if it has a corner and a size"
             )
         also += f"; {boxes[0]} is read from columns left, top and width, height or right, bottom"
-    return f"{lost}; rename the columns, or map them with {ask(headers.option, items)}{also}"
+    how = "rename the columns, or map them with " if headers.option else "use "
+    return f"{lost}; {how}{ask(headers.option, items)}{also}"

@@ -563,7 +563,7 @@ class _Sets:
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
-                f"{self.file}: truth and estimate are both its variable {name}; it has "
+                f"{self.file}: both sides are its variable {name}; it has "
                 f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 

@@ -204,8 +204,8 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     if columns_in_use(roles) == columns_in_use(first):
         return
     raise InputError(
-        f"{file.path}: it has the columns {listed(columns_in_use(roles))}, but "
-        f"{first_file.path} has {listed(columns_in_use(first))}; write the same columns into all "
+        f"{file.path}: it is read by its columns {listed(columns_in_use(roles))}, but "
+        f"{first_file.path} by {listed(columns_in_use(first))}; write the same columns into all "
         f"files, or name them with {option('columns')}"
     )
 

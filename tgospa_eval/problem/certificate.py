@@ -488,8 +488,8 @@ def _entries(states: States, blocks: Mask) -> Ints:
 def forced_cost(states: States, blocks: Mask) -> Floats:
     """Return ``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
-    nu_k is at most the size of a vertex cover of the near pairs. A smallest cover has exactly this
-    size (König).
+    nu_k is at most the size of any vertex cover of the near pairs. The size of a smallest cover is
+    exactly nu_k (König).
     """
     problem = states.problem
     count = len(states.block_begin)

@@ -777,7 +777,7 @@ def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
             (tables.rankings[0].label, *tables.rankings[0].parameters),
             [[k for k, one in enumerate(own) if one[0] is ranking] for ranking in tables.rankings],
             title,
-            caption=f"Values are those of the jobs that all rows have. {caption}",
+            caption=f"Values are those of the jobs that all rows of a ranking have. {caption}",
         )
 
 

@@ -621,7 +621,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Yield the ranges of values with constant counts, which are those of the best assignments."""
+    """Yield the ranges of values with constant counts of the best assignments, if all are exact."""
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return

@@ -562,8 +562,8 @@ def _curve(result: Evaluation) -> Iterator[str]:
     if bounds is None or not table["t"]:
         return
     met, size = bounds.met(result.gap), len(table["t"])
-    title = f"TGOSPA per step, up to each of {size} steps, {_known(met)}"
-    yield from wrap(f"{title}; its parts are costs per step", " " * 10)
+    title = f"TGOSPA per step of the steps up to t, for {size} values of t, {_known(met)}"
+    yield from wrap(f"{title}; other columns are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])

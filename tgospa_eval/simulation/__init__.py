@@ -37,8 +37,9 @@ class Scene:
     state : {"point", "gaussian", "cloud", "box"}
         Kind of the states. Points have ``x, y``. Gaussians also have the covariance of the error
         of each estimate. With clouds, true states are points, and each report is a cloud of
-        particles with the spread of the noise. Boxes have ``left, top, width, height``. The height
-        of an object is drawn uniformly from [A/20, A/8] and kept; its width is 0.4 of the height.
+        particles around the reported point with the spread of the noise. Boxes have ``left, top,
+        width, height``, and the position is their centre. The height of an object is drawn
+        uniformly from [A/20, A/8] and kept; its width is 0.4 of the height.
     particles : int
         Number of particles of a cloud, at least 1.
 

@@ -28,7 +28,7 @@ def encounters(truth: Floats, near: float) -> Ints:
     -------
     (E, 5) array
         First and second target, first step, step after the end, step of the smallest distance;
-        sorted by (begin, first, second).
+        sorted by first step, then by the two targets.
     """
     from scipy.spatial import cKDTree  # memory and time grow only with the number of near pairs
 
@@ -108,7 +108,7 @@ def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return random walkers that fill the square and turn back at its sides.
 
-    First steps are N(0, (A/100)^2); every step changes by N(0, (A/500)^2).
+    The first displacement is N(0, (A/100)^2). It changes by N(0, (A/500)^2) at each time step.
     """
     sizes = np.full((steps, 1, 1), SPEED * area / 5)
     sizes[:1] = SPEED * area
@@ -120,7 +120,7 @@ def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
     """Return straight lines of targets that are born and die.
 
     In a recording of T steps, lifetimes are uniform in {ceil(T/4), ..., T}. Births are uniform in
-    the remaining range. Steps are N(0, (A/100)^2).
+    the remaining range. The displacement at each time step is N(0, (A/100)^2).
     """
     velocity = np.repeat(rng.normal(0, SPEED * area, (1, targets, 2)), steps, axis=0)
     states = _walk(velocity, area, rng)

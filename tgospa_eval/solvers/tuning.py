@@ -217,7 +217,8 @@ class Windowing:
     widen: int = 4
     shrink: float = 0.3
     """A window has `span` steps before and after each of these steps. If more than the share
-    `shrink` of the gap remains, `span` is multiplied by `widen`. Not measured."""
+    `shrink` of the gap remains, the reach rises to `farther`, and then `span` is multiplied by
+    `widen`. Not measured."""
 
     farther: float = 1.0
     """Reach after a window that did not help. If this reach does not help, the span grows."""

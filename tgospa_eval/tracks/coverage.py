@@ -240,7 +240,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _steps_of(record: Mapping[str, Any]) -> str:
-    """Return the number of steps with truth, and the size of the horizon, for messages."""
+    """Return the number of steps with truth, and that of the horizon, which may lack some."""
     at, horizon = record["truth_steps"], record["steps"]
     if at > horizon:
         return f"{counted(at, 'step')} (horizon: {horizon:,})"

@@ -1,11 +1,11 @@
 """Conversion of the positions of truth and estimate (the two sides) to one frame.
 
-A frame is the Earth, local axes, or range and bearing of a sensor. In two dimensions local axes are
-azimuthal equidistant: a position is s sin(a) east and s cos(a) north of the origin. Here s is the
-length and a the direction of the shortest path from the origin on WGS 84. Lengths from the origin
-are those of the ellipsoid. Other lengths are too long by at most the share (s / R)^2 / 6, with R
-the radius of the Earth: 0.016 % at 200 km. With heights a position is in metres east, north and up
-of the tangent plane at the origin, and lengths are exact.
+A frame is the Earth, local axes, range and bearing of a sensor, or a projected system. In two
+dimensions local axes are azimuthal equidistant: a position is s sin(a) east and s cos(a) north of
+the origin. Here s is the length and a the direction of the shortest path from the origin on WGS 84.
+Lengths from the origin are those of the ellipsoid. Other lengths are too long by at most the share
+(s / R)^2 / 6, with R the radius of the Earth: 0.016 % at 200 km. With heights a position is in
+metres east, north and up of the tangent plane at the origin, and lengths are exact.
 """
 
 import math
@@ -200,7 +200,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Set with True if a side is in local axes, and with False if a side is not."""
+        """Set with True if a side has local axes, and with False if a side has not; maybe both."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property

@@ -21,7 +21,7 @@ class WeightsByTime:
     cost : (N,) float array
         Factors of the costs at each time.
     switch : (N,) float array
-        Factors of the switches between the previous time and this one.
+        Factors of the switches into the step at each time, from the step before it.
     clock : {"number", "local", "zoned"}
         Kind of the times.
     name : str

@@ -562,7 +562,7 @@ def test_repeated_rows_without_weight(write: Write, invoke: Run) -> None:
     status, _, err = invoke(path, path, *WHOLE)
     assert status == 3
     assert 'line 3: id "1" at t 0 is already in line 2' in err
-    assert "particles of one object need a column weight" in err
+    assert "particles of one object, add a column" in err
 
 
 def test_what_is_normalised_and_left_out_is_said(write: Write) -> None:
@@ -1037,7 +1037,7 @@ def test_associate_by_the_covariances_of_each_pair(write: Write, invoke: Run) ->
     status, out, _ = invoke("associate", points, a, *options, "--format", "csv")
     assert float(out.splitlines()[1].split(",")[3]) == pytest.approx(12.5**0.5)  # 9/2 + 4/0.5
     status, _, err = invoke("associate", points, points, *options)
-    assert (status, "neither truth nor estimate has cov" in err) == (3, True)
+    assert (status, "neither side has cov" in err) == (3, True)
     line = write("l.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n5,0,3,2,1,1,1\n")
     status, _, err = invoke("associate", points, line, *options)
     assert (status, 'id "7" and id "5" at t 0: the covariance of the pair is' in err) == (3, True)

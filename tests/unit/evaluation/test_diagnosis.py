@@ -175,7 +175,7 @@ def test_late_where_most_are_missed(speed: float) -> None:
     assert [notice.code for notice in late] == ["clock-shift"] * (speed > 1)
     for notice in late:
         assert "be 1 ahead (+/- 0.0" in notice.text
-        assert "A constant offset along the direction of travel looks the same" in notice.remedy
+        assert "A constant error of position along the direction of travel" in notice.remedy
 
 
 TRACKERS = {

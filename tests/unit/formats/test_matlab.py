@@ -341,20 +341,20 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
 
 def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"X": BOTH, "Y": np.ones((2, 3)), "k": "text"})
-    both = "a.mat: truth and estimate are both its variable X; it has X, Y, k; name both"
+    both = "a.mat: both sides are its variable X; it has X, Y, k; name both"
     for pair in (("a.mat", "a.mat"), ("a.mat:X", "a.mat"), ("./a.mat", "a.mat:X")):
         for verb in ("evaluate", "explain", "inspect", "gate", "compare", "associate"):
             answer = invoke(verb, *pair, "-c", "10", *(["--max", "total=1"] * (verb == "gate")))
             assert (
                 verb,
                 answer.status,
-                "truth and estimate are both its variable X" in answer.err,
+                "both sides are its variable X" in answer.err,
             ) == (
                 verb,
                 3,
                 True,
             )
-        with pytest.raises(InputError, match="truth and estimate are both its variable X"):
+        with pytest.raises(InputError, match="both sides are its variable X"):
             evaluate(*pair, 10)
     assert both in invoke("a.mat", "a.mat").err
     assert invoke("a.mat:X", "a.mat:X", "-c", "10").status == 0

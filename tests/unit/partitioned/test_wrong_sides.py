@@ -70,13 +70,16 @@ STAMPS = [f"2024-05-01T00:00:{k:02}" for k in range(20)]
         (last("id", None), '{b}, {end}, column "id": blank id'),
         (
             lambda f: f.drop(columns="y"),
-            "{b}: it has the columns id, t, x, but {a} has id, t, x, y",
+            "{b}: it is read by its columns id, t, x, but {a} by id, t, x, y",
         ),
-        (lambda f: f.rename(columns={"id": "mmsi"}), "{b}: it has the columns mmsi, t, x, y, but"),
+        (
+            lambda f: f.rename(columns={"id": "mmsi"}),
+            "{b}: it is read by its columns mmsi, t, x, y, but",
+        ),
         (lambda f: f.drop(columns="t"), "{header}: no column for t (found: id, x, y)"),
         (lambda f: f.assign(t=STAMPS), "{b}: its times are ISO times without zone, and those of"),
         (lambda f: pd.concat([f, BASE[3:5]]), '{b}, {end}: id "3" at t 0 is already in {a}, '),
-        (lambda f: f.assign(z=1.0), "{b}: it has the columns id, t, x, y, z, but {a} has id, t,"),
+        (lambda f: f.assign(z=1.0), "{b}: it is read by its columns id, t, x, y, z, but {a} by"),
     ],
 )
 def test_rows_and_files_are_named(

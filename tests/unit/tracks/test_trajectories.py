@@ -101,7 +101,7 @@ def test_arrays_have_one_number_of_steps() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"z": 0.0}, r"choose what to compare with columns="),
+        ({"z": 0.0}, r"to compare only some, use columns="),
         ({"id": "a", "t": 0}, r"drop_duplicates\(\['id', 't'\]\)"),
     ],
 )

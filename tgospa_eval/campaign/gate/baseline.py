@@ -335,7 +335,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
             for name in COVERAGE_FIELDS
             if name != "truth_sha256"
         ):
-            wrong = f"{CHANGED} truth: its states changed, but not their number or steps"
+            wrong = f"{CHANGED} truth: states of the truth changed, but not their number or steps"
         return [*reasons, f"{wrong}; if that is right, renew the baseline"]
     return [*reasons, f"{wrong}; {judge_alike()}"] if wrong else reasons
 

@@ -21,7 +21,7 @@ SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 """Values of one optimal assignment; another one may split the same total differently."""
 
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
-"""Values of the assigned pairs of one optimal assignment, for all classes together only."""
+"""Values of the assigned pairs of one optimal assignment. Single classes do not have them."""
 
 RULE_VALUES = (*PROVEN, *SPLIT, *OF_NEES)
 """Values that a rule can name, without the values of classes and of the summary."""
@@ -40,7 +40,7 @@ TOLERANCE = 1e-6
 """Tolerance of rules on the split: in counts, or in units of c^p."""
 
 MIN_SLACK = 1e-9
-"""Smallest rise that the default rule allows, in units of c^p."""
+"""Rise that the default rule always allows, in units of c^p."""
 
 NO_CHANGE = 1e-9
 """Largest relative change that does not count as an improvement."""
@@ -179,11 +179,11 @@ class Inference:
     p_value : float
         p value of the test that the tracker is worse than the limit.
     confidence : float
-        Confidence; a p value of at most 1 - confidence supports the change.
+        Confidence; a p value of at most 1 - confidence supports the hypothesis of a test.
     runs : int
         Number of runs that are judged.
     needed : int
-        Number of runs from which the test can support a change.
+        Smallest number of runs with which the test can support its hypothesis.
     paired : bool
         Whether the seeds are those of the baseline.
     noticeable : float
@@ -228,7 +228,7 @@ class Finding:
     inference : Inference, optional
         Inference from the runs of a group with several seeds.
     noisy : bool
-        Whether the pair is one run among several seeds; a single run shows no improvement.
+        Whether the pair is one run among several seeds; a single run cannot show an improvement.
     note : str
         Message that replaces the usual one.
     """
@@ -244,7 +244,7 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if the change is proven by brackets of values on the same ground truths."""
+        """True if bounds of the values on the same ground truths prove the change."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
@@ -412,8 +412,8 @@ def _path(path: str, name: str, text: str) -> str:
     if not names_summary(path) and not any(value in RULE_VALUES for _, value in meanings(path)):
         there = NUMBERS if path.startswith(f"{SUMMARY}.") else RULE_VALUES
         raise ConfigError(
-            f"{option(name)} {quoted(text)}: {quoted(path)} is not a value; there are "
-            f"{', '.join(there)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on; "
-            f"numbers of the summary as {SUMMARY}.rmse"
+            f"{option(name)} {quoted(text)}: {quoted(path)} is not a value; values are "
+            f"{', '.join(there)}; numbers of the summary such as {SUMMARY}.rmse; and, if "
+            f"{option('by', 'class')} is given, those of a class such as {BY_CLASS}NAME.total"
         )
     return path

@@ -639,7 +639,7 @@ PREFERRED = 2.0
 """Equal timestamps or a whole hour are preferred within this multiple of the uncertainty."""
 
 MINUTE = 60
-"""Largest uncertainty, in seconds, of an offset that is rounded to whole hours."""
+"""Seconds that `PREFERRED` times the uncertainty may not reach if an offset is rounded to hours."""
 
 HOURS = 14
 """Largest difference of time zones in hours."""
@@ -934,11 +934,11 @@ def _clock_warning(clock: ClockError, kind: str) -> Notice:
         code="clock-shift",
         text=f"the clock of the estimate seems to {_clock_text(clock, kind)}. With a corrected "
         f"clock, the per-step GOSPA cost of {counted(clock.steps, 'step')} falls by "
-        f"{min(100 * clock.saving, 99):.0f} % (targets that are missed or false with both clocks "
-        "are left out)",
+        f"{min(100 * clock.saving, 99):.0f} % (without targets that are missed or false before "
+        "and after the correction)",
         remedy=f"write both files by one clock, or use {' '.join(cures)}. Do not correct the "
-        "latency of a tracker, because it is an error that should count. A constant offset "
-        "along the direction of travel looks the same",
+        "latency of a tracker, because it is an error that should count. A constant error of "
+        "position along the direction of travel looks like a wrong clock, too",
     )
 
 

@@ -50,8 +50,7 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
                 Notice(
                     code="single-rows",
                     text=f"every id of the {name} has a single row, so the rows are detections, "
-                    "not tracks; an object whose track changes at each step costs a switch at each "
-                    "step",
+                    "not tracks; each change from one id to the next costs a switch",
                     remedy="an id must be the same at all steps of a track",
                 )
             )
