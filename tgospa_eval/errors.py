@@ -35,7 +35,8 @@ class TgospaError(Exception):
     Parameters
     ----------
     *lines : str
-        Lines of the message. Quoted text cannot begin a line or send commands to a terminal.
+        Lines of the message. Line breaks and control characters within a line are escaped, so that
+        text of a file cannot begin a line or send commands to a terminal.
     """
 
     exit_status = ExitStatus.NOT_REACHED

@@ -91,9 +91,9 @@ def test_dates_that_may_be_either_are_never_guessed() -> None:
         (
             ["2025-04-03T10:00:00", "2025-04-03T10:00:10"],
             {},
-            'name the zone of the ISO times, truth_time_zone="UTC" or another',
+            'name the zone of the truth, truth_time_zone="UTC" or another',
         ),
-        ([17, 18], {}, "write both as ISO times"),
+        ([17, 18], {}, "give both as ISO times"),
     ],
 )
 def test_wrong_times_get_a_message(times: list[object], form: dict[str, str], message: str) -> None:

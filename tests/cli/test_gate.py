@@ -239,7 +239,7 @@ def test_other_truth(gate: Invoke, write: Write) -> None:
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4,0.001"))
     answer = gate()
     assert answer.status == 2
-    assert "not judged on the same truth: its states changed, but not their number" in answer.out
+    assert "not judged on the same truth: states of the truth changed, but not" in answer.out
     assert "--resample" not in answer.out
     # The same numbers in another text are the same truth.
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4.0,0e0").replace("\n", "\r\n"))

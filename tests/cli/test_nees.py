@@ -95,7 +95,7 @@ def test_points_are_compared_and_covariances_judged(invoke: Invoke) -> None:
     assert answer.status == 0
     answer = invoke("truth.csv", "truth.csv", *METRIC, "--with", "nees")
     assert answer.status == 3
-    assert "truth.csv: --with nees: its states have neither covariances" in answer.err
+    assert "truth.csv: --with nees needs covariances" in answer.err
     answer = invoke("truth.csv", "kf.csv", *METRIC, "--by", "class", "--with", "nees,gospa")
     assert "--with evaluates all classes together" in answer.err
 
@@ -228,7 +228,7 @@ def test_gate_rules_against_a_baseline(invoke: Invoke) -> None:
     asked = ("--baseline", "c.json", "--fail-on", "nees:+1")
     answer = invoke("gate", "truth.csv", "truth.csv", *asked)
     assert answer.status == 3
-    assert "its states have neither covariances" in answer.err
+    assert "--with nees needs covariances" in answer.err
 
 
 PICTURES = ("-o", "out", "--pictures", "png")

@@ -79,7 +79,7 @@ def evaluate(
         of the machine. Folders of Parquet or CSV files, and files that would take more memory, are
         evaluated in parts by up to `jobs` processes, if both sides are paths.
     scheduler : str, optional
-        Address of a Dask cluster that evaluates data in parts instead of local processes.
+        Address of a Dask cluster. It evaluates data in parts in place of local processes.
 
     Returns
     -------
@@ -184,8 +184,8 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable of the command line that receives each notice. If it is given, the error about a
-        folder or a pattern has a command that reads the files in it.
+        Callable of the command line that receives each notice. If it is given and a side is a
+        folder or a pattern of files, the error ends with a command that reads these files.
     mapping : sequence of int, or pair of such, optional
         Components to compare, for tracks with state vectors.
     known : dict, optional
@@ -271,7 +271,7 @@ def evaluate_pair(
     stopwatch : Stopwatch
         Running clock with the time of reading.
     files : pair of dict, optional
-        Records of the two files, by `input_record`.
+        Records of the two files, as `input_record` makes them.
     """
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None

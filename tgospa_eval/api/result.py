@@ -55,8 +55,8 @@ class Showable(Evaluation, Reportable):
         ----------
         *by : str
             Slices as for ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
-            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. Columns
-            of files must have been requested there.
+            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. A
+            further column of the files, such as visibility, must be named there.
 
         Returns
         -------
@@ -117,9 +117,10 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot the normalised cumulative cost: the root of the mean cost of the steps up to each.
+        """Plot, for each step, the root of the mean cost of all steps up to this one.
 
-        The assignment is that of the whole recording, unless the curve was requested. The last
+        The assignment is that of the whole recording. With ``evaluate(..., curve=True)`` the steps
+        up to each step have an assignment of their own. The last
         value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
         those of `plot_costs`; the total is always drawn.
         """
@@ -339,7 +340,8 @@ class Result(Showable, PairEvaluation):
     proof : Proof
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
-        Times and ids, the gap that counts as exact, options, and origin of the result.
+        `labels` has times and ids, and `gap` is the relative difference of the bounds that counts
+        as exact. `settings` and `solver` are options; the others tell where the result is from.
     source : pair of AlignedPair and EvaluationRequest, optional
         Data and request of the evaluation.
     assigned : mapping of str to (N,) float array

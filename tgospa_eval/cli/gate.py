@@ -46,7 +46,7 @@ GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
-    """Command that keeps its arguments, to repeat them in messages, and the target that judges."""
+    """Command that keeps its arguments, to repeat them in messages, and the value of --against."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the arguments, then parse them."""
@@ -98,7 +98,7 @@ def command(
       tgospa-eval gate old_results new_results          two stores of a batch
       tgospa-eval gate --suite suite.toml --against origin/main
 
-    Exit status: 0 passed, 1 regression (proven, or for groups inferred from seeds),
+    Exit status: 0 passed, 1 regression (proven; of groups of seeds: significant),
     2 wrong option, baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
     given = {

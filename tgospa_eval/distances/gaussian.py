@@ -18,7 +18,7 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIRS_TOGETHER = 1 << 13
-"""Number of pairs of more than two components that are decomposed at a time."""
+"""Number of pairs in a call of the SVD, for states of more than two components."""
 
 MIXED = ("error", "moments")
 
@@ -75,7 +75,7 @@ class GaussianWasserstein(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power of the norm of the means, a lower bound of the distance."""
+        """Power of the norm of the means, which is never larger than the distance."""
         return self._means.tree_power
 
     @cached_property
@@ -110,7 +110,7 @@ class GaussianWasserstein(Distance):
         return self._parts(zip(a, b, strict=True))
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives by the means: slopes of their distance, times its share of W2."""
+        """Return derivatives by the means: those of their distance, times this distance / W2."""
         slopes = self._means.slopes(pairs, sides)
         means, spreads = self.parts(pairs, sides)
         whole = np.hypot(means, spreads)
@@ -122,11 +122,11 @@ class GaussianWasserstein(Distance):
         return self._means.between(pairs[:d]), bures(pairs[d:])
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the points of the means."""
+        """Return the points of the means (`Distance.embed`)."""
         return self._means.embed(axes[: _dimension(len(axes))])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach of the means, whose distance is a lower bound."""
+        """Return the reach of the means, whose distance is never larger than W2."""
         return self._means.reach(cutoff, axes[: _dimension(len(axes))])
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
@@ -258,7 +258,7 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
         ahead, length = (np.where(length > 0, x, 1.0) for x in (ahead, length))
     cosine, sine = ahead / length, s / length
     back = p < 0
-    if back.any():  # for angles beyond a right angle use half of the rest
+    if back.any():  # half of an angle t beyond a right angle is pi / 2 - (pi - |t|) / 2
         turned = np.copysign(cosine, s)
         cosine, sine = np.where(back, np.abs(sine), cosine), np.where(back, turned, sine)
     parts = (
@@ -273,8 +273,8 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 def _bures_many(factors: Sequence[Pair]) -> Floats:
     """Return the Bures distance of any number of components, by SVD in blocks of pairs.
 
-    Q = U V' where A = L2' L1 = U S V'. The values decide which of two covariances comes first, so
-    that the rounding is symmetric.
+    Q = U V' where A = L2' L1 = U S V'. The entries of the factors decide which of two covariances
+    comes first. So an exchange of the two does not change the rounding.
     """
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]

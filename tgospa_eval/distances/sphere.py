@@ -52,11 +52,11 @@ class Haversine(Distance):
 
     @property
     def tree_power(self) -> float:
-        """2, because a chord is at most as long as its arc."""
+        """Power of the search tree: 2, because a chord is never longer than its arc."""
         return 2.0
 
     def last_place(self, sides: Sides) -> float:
-        """Return the last place of angles up to a half turn."""
+        """Return the rounding of angles up to a half turn, in metres: see `Distance.last_place`."""
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -104,7 +104,7 @@ class Haversine(Distance):
         )
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff plus the rounding of points: a chord is at most as long as its arc."""
+        """Return the cutoff, with room for rounded points: a chord is never longer than its arc."""
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
 
@@ -156,7 +156,7 @@ class Geodesic(Distance):
 
     @property
     def tree_power(self) -> float:
-        """2, because a chord is at most as long as any path on the surface."""
+        """Power of the search tree: 2, because a chord is never longer than a path."""
         return 2.0
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
@@ -183,7 +183,7 @@ class Geodesic(Distance):
         return {"vertical_weight": self.vertical_weight} if HEIGHT in columns else {}
 
     def last_place(self, sides: Sides) -> float:
-        """Return the last place of angles up to a half turn."""
+        """Return the rounding of angles up to a half turn, in metres: see `Distance.last_place`."""
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -233,7 +233,7 @@ class Geodesic(Distance):
         return np.array([*points, *(self.vertical_weight * axes[len(PLACES) :])])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff plus the rounding of points: a chord is at most as long as a path."""
+        """Return the cutoff, with room for rounded points: a chord is never longer than a path."""
         height = self.vertical_weight * np.abs(axes[len(PLACES) :]).max(initial=0.0)
         room = cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS
         return np.full((len(axes) + 1, 1), room + REACH_ROUNDING * height)

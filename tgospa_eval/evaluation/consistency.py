@@ -4,7 +4,7 @@
 
 a is the state of the truth and b the state of the estimate. P is the covariance of the estimate, or
 the second moments of its particles. R is the covariance of the truth, or 0 if it has none. The
-errors of the truth must be independent of those of the filter, as for a separate reference.
+errors of the truth must be independent of those of the filter, as those of a separate sensor are.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
-    if compared.reports is not None:  # on a common clock a report counts at its own time
+    if compared.reports is not None:  # with --resample: errors at the times of reports
         names = np.array(compared.labels.truths, dtype=object)
         pair = compared.reports.located(names[problem.sides[0].track[rows[0]]], rows[1])
         states = pair[0].state, pair[1].state
@@ -102,12 +102,12 @@ def ranks(
     weight: Floats,
     periods: Sequence[float] | None = None,
 ) -> Floats:
-    """Count the true states (N, d) in each tenth of the marginal weights of their cloud, (d, 10).
+    """Return the histogram (d, 10) of the ranks of true states among the particles, by component.
 
-    Counts are flat if the particles are drawn from the posterior, because the true state is then
-    one more draw in addition to N particles. N is the effective number of particles, 1 / (sum of
-    squared weights). S is the weight of particles below the true state, plus half the weight of
-    equal particles. The rank is spread evenly between N S / (N + 1) and (N S + 1) / (N + 1).
+    Let n be the effective number of particles, 1 / (sum of squared weights), and S the weight of
+    particles below the true state, plus half the weight of equal particles. The rank is spread
+    evenly between n S / (n + 1) and (n S + 1) / (n + 1). Counts are flat if the particles are drawn
+    from the posterior, because the true state is then one more draw.
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))

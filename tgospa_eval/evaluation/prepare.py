@@ -527,8 +527,9 @@ def fit(
         )
     if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
         raise InputError(
-            f"{names[1]}: {option('with_', NEES)}: its states have neither covariances (columns "
-            "cov_xx, cov_xy, cov_yy or std_x, std_y) nor particles (interpolation drops particles)"
+            f"{names[1]}: {option('with_', NEES)} needs covariances (columns cov_xx, cov_xy, "
+            "cov_yy or std_x, std_y) or particles, and its states have neither"
+            f"{' after interpolation' * (axis.made is not None)}"
         )
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)

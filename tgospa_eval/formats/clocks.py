@@ -183,7 +183,7 @@ def _in_utc(code: Ints, value: Ints) -> Times:
 
 
 def _in_words(code: Ints, value: Ints, clock: str) -> Times:
-    """Return times with their ISO texts, from distinct values and the code of each row."""
+    """Return times with their ISO texts, from distinct values and the index of each row in them."""
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
@@ -226,8 +226,9 @@ def carried(times: Times, begins: float, name: str) -> Times:
 def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
     """Return the first row that seems to begin a new day, with a remedy; None without such a row.
 
-    In the order of the file such a row is more than half a day earlier than the previous row of its
-    track, and no row is more than half a day later than the previous one.
+    In the order of the file, such a row is more than half a day earlier than the previous row of
+    its track. If any row is more than half a day later than the previous row of its track, the rows
+    are not in order of time, and the result is None.
 
     Parameters
     ----------

@@ -601,8 +601,9 @@ def without_header(fields: Sequence[str], name: str, where: str) -> str:
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
-        f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
-        f"{option(name or 'columns')} (t, id, x, y, z or left, top, width, height; - for others), "
+        f"({listed([*map(str.strip, fields)])}); name the columns in the order of the "
+        f"file with {option(name or 'columns', 'id,t,x,y')} (also z, left, top, width, height; a "
+        "minus for a column to skip), "
         f"or name the format ({formats})"
     )
 

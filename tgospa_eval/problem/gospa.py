@@ -14,10 +14,10 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
-"""Number of elements up to which the matrix of all pairs is always dense."""
+"""Number of elements up to which a matrix of all pairs is dense."""
 
 SPARSE_RATIO = 8
-"""Largest number of elements per near pair of a larger matrix that is dense."""
+"""Number of elements for each near pair up to which a larger matrix is dense, too."""
 
 
 Switched = tuple[Floats, Floats]
@@ -29,8 +29,8 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
     GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
     c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
-    Components of the near pairs of a step are assigned separately. Among assignments of equal cost
-    the one that SciPy finds is used, with the objects in the order of their rows.
+    Connected components of the near pairs of a step are assigned separately. Among assignments of
+    equal cost the one that SciPy finds is used, with the objects in the order of their rows.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    unpaired = problem.pair_price  # costs keep digits that gains near 1 lose
+    unpaired = problem.pair_price  # tiny costs lose their digits in gains, 1 - cost
     losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):

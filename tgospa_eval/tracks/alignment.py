@@ -385,12 +385,10 @@ def comparable(
         The kinds of time differ, or large integers would be compared with decimals.
     """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
-        remedy = "write both as ISO times or both as numbers, such as Unix seconds"
+        remedy = "give both as ISO times or dates, or both as numbers, such as Unix seconds"
         if "local" in (truth.clock, estimate.clock):
             role, theirs = ("truth", estimate) if truth.clock == "local" else ("estimate", truth)
-            zone = (
-                f"name the zone of the ISO times, {option(f'{role}_time_zone', 'UTC')} or another"
-            )
+            zone = f"name the zone of the {role}, {option(f'{role}_time_zone', 'UTC')} or another"
             if theirs.clock == "zoned":
                 remedy = zone
             elif abs(float(theirs.times[0])) >= EARLIEST:

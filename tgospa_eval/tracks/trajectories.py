@@ -384,7 +384,10 @@ class Trajectories:
         except (TypeError, ValueError) as error:
             raise InputError(f"an array of states holds numbers: {error}") from None
         if states.ndim != 3 or not states.shape[2]:
-            raise InputError(f"an array of states has the axes (T, k, d), not shape {states.shape}")
+            raise InputError(
+                "an array of states has the axes (T, k, d): steps, trajectories and state columns; "
+                f"this one has the shape {states.shape}"
+            )
         if np.isinf(states).any():
             step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))
             raise InputError(f"infinite state at step {step}, track {track}; NaN means absent")

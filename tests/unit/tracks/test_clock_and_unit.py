@@ -228,8 +228,8 @@ def test_interpolated_evaluation_is_recorded_and_its_proof_holds(
     assert document["localisation"] == pytest.approx(0, abs=1e-20)
     wanted = {"interpolate": "estimate", "max_gap": 0.25}
     assert wanted.items() <= document["parameters"].items()
-    assert "estimate interpolated at the timestamps of the truth: 8 states between two" in done.err
-    assert "3 unchanged, 3 at other timestamps are not compared" in done.err
+    assert "estimate at the timestamps of the truth: 8 states interpolated in gaps" in done.err
+    assert "3 as read, 3 at other timestamps are not compared" in done.err
     verified = invoke("verify", folder, truth, estimate)
     assert verified.status == 0, verified.err
     assert "--interpolate 'estimate', --max-gap '0.25'" in verified.out

@@ -93,8 +93,8 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             where = f"{counted(len(axis.horizon.times), 'step')} of the common clock"
         rest = f", {unused:,} at other timestamps are not compared"
         yield Notice(
-            text=f"{side} interpolated at {where}: {counted(between, 'state')} between two states "
-            f"at most {gap.text} apart, {own:,} unchanged"
+            text=f"{side} at {where}: {counted(between, 'state')} interpolated in gaps of at most "
+            f"{gap.text}, {own:,} as read"
             f"{rest if unused else ''}"
         )
     if axis.reports is not None:
@@ -108,8 +108,8 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
-            text="each report of the estimate holds for the period of the tracker, "
-            f"{number(clock.period)} ({which}), and is evaluated at its own time: "
+            text="each report of the estimate counts at steps within the period of the tracker, "
+            f"{number(clock.period)} ({which}); its error is that at the time of the report: "
             f"{counted(used, 'report')}{single} at {steps} of the common clock{off}"
         )
     if matching.steps is not None:
