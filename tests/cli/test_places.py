@@ -192,6 +192,17 @@ def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
     assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
 
 
+def test_north_and_east_that_are_swapped_get_the_axes_that_are_right() -> None:
+    local = pd.DataFrame({"id": 1, "t": range(30), "x": 10.0 * np.arange(30), "y": 400.0})
+    earth = local.assign(lat=55 + local["x"] / 111_320, lon=12 + local["y"] / 63_850)
+    sides = earth[["id", "t", "lat", "lon"]], local
+    options = {"cutoff": 20.0, "switch_penalty": 10.0, "origin": "55,12"}
+    with pytest.warns(TgospaWarning, match='seem swapped.*; estimate_crs="ned"$'):
+        wrong = evaluate(*sides, **options, estimate_crs="enu")
+    right = evaluate(*sides, **options, estimate_crs="ned")
+    assert (wrong.counts["missed"], right.counts["missed"]) == (30, 0)
+
+
 @pytest.mark.parametrize(
     ("change", "option"),
     [
