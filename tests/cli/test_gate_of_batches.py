@@ -88,7 +88,7 @@ def test_another_truth_and_other_parameters_are_not_compared(batch: Invoke, invo
     batch("moved")
     answer = invoke("gate", "old", "moved")
     assert answer.status == 2
-    assert "a/1, b/1: not judged on the same truth: its states changed" in answer.out
+    assert "a/1, b/1: not judged on the same truth: states of the truth changed" in answer.out
     assert "gate: not comparable (exit status 2): 2 pass, 2 not comparable" in answer.out
 
 
