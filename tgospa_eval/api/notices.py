@@ -15,6 +15,7 @@ from tgospa_eval.evaluation import diagnosis
 from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.assemble import centres_compared
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.kernels import KERNEL
 from tgospa_eval.quoting import option
@@ -127,8 +128,7 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """Yield notices of the defaults in use, once for all jobs."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
-        overlap = option("distance", "iou")
-        yield f"boxes are compared by their centres (x, y); {overlap} compares their overlap"
+        yield centres_compared()
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
     values = zip(given, as_distance(options.distance).defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
