@@ -171,7 +171,10 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot NEES of each step with its 95 % band; for particles also the ranks of the truth.
+        """Plot the NEES of each step, with its 95 % band.
+
+        NEES is the squared error in units of the covariance. For particle clouds a second panel
+        shows the rank of the truth among the particles.
 
         Parameters, further errors and return value are those of `plot_costs`.
 

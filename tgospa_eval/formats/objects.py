@@ -577,7 +577,8 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     try:
         frame: pd.DataFrame = pa.table(side).to_pandas()
     except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: not a table that pandas can read: {error}") from None
+        kind = type(side).__name__
+        raise InputError(f"{name}: a {kind} cannot be read as a table ({error})") from None
     return frame
 
 

@@ -254,7 +254,7 @@ def rows(
         else "",
         "false tracks": words(
             ("{}", n["false_tracks"], plain),
-            ("{} on average at a step", n["false_tracks_per_step"], plain),
+            ("with {} states per step", n["false_tracks_per_step"], plain),
             ("mean length {}", n["false_track_length"], steps),
         ),
         "cardinality": words(

@@ -296,7 +296,7 @@ class Ranking:
     @property
     def population(self) -> str:
         """The population that a statistical conclusion is about."""
-        return "other runs on this truth" if self.truths == 1 else "other truths"
+        return "other runs of this scene" if self.truths == 1 else "other scenes"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -884,7 +884,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: at least 6 are needed to judge {ranking.population}"
+        yield f"{begin}: at least 6 are needed for a test about {ranking.population}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):

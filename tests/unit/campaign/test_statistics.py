@@ -230,7 +230,7 @@ def test_too_few_pairs() -> None:
     assert ranking.comparisons[0]["p_value"] is None
     assert ranking.permutations == 0
     text = words(tables)
-    assert "5 pairs: at least 6 are needed to judge other truths" in text
+    assert "5 pairs: at least 6 are needed for a test about other scenes" in text
     assert "interval" not in text
     (row,) = json.loads(batch_report(tables, "json"))["comparisons"]
     assert row["p_value"] is row["lower"] is row["significant"] is None
@@ -250,7 +250,7 @@ def test_runs_of_one_truth_count_once() -> None:
     rows["truth"] = "gt"  # one truth alone: its runs are what is drawn
     ranking = only(tabulated(rows, ["tracker"]))
     assert (ranking.jobs, ranking.pairs) == (12, 12)
-    assert "to the best, for other runs on this truth drawn as these were" in words(
+    assert "to the best, for other runs of this scene drawn as these were" in words(
         tabulated(rows, ["tracker"])
     )
 
