@@ -591,7 +591,7 @@ def test_a_pair_of_a_suite_without_limits_is_named(suite: Invoke, write: Write) 
     answer = suite()
     assert answer.status == 2
     assert (
-        "two: no baseline: name it with --baseline FILE; --update-baseline makes one" in answer.err
+        "two: no baseline: give one with --baseline FILE; make one with --update-baseline" in answer.err
     )
 
 

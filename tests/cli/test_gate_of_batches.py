@@ -145,7 +145,7 @@ WRONG = (
     (("old", "gt/1.csv"), "gt/1.csv: is not a batch, but old is"),
     (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
-    (("old",), "no baseline: name it with --baseline FILE; --update-baseline makes one"),
+    (("old",), "no baseline: give one with --baseline FILE; make one with --update-baseline"),
     (("old", "old", "--baseline", "b.json"), "name the baseline once"),
     (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
     (("old", "--update-baseline"), "no baseline: name the file to make"),

@@ -372,8 +372,8 @@ def check_columns(
                     "the Earth"
                 )
             raise InputError(
-                f"{name} has a column {quoted(extra[0])} that {missing} lacks (state columns: "
-                f"{','.join(own.columns)} and {','.join(other.columns)}); {remedy}"
+                f"{name} has a column {quoted(extra[0])} that {missing} lacks (state columns "
+                f"{','.join(own.columns)} against {','.join(other.columns)}); {remedy}"
             )
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"

@@ -313,7 +313,7 @@ class Evaluation(ABC):
         each, quantity = self.normalised.get("per_object"), partial(self.quantity, digits=3)
         numbers, counts = self.summarised.numbers, self.counts
         words = headline(numbers, counts["switch"], counts["false"], quantity)
-        return words if each is None else f"{words}; per object and step {quantity(each)}"
+        return words if each is None else f"{words}; TGOSPA per object and step {quantity(each)}"
 
     @property
     def parameters(self) -> Mapping[str, object]:

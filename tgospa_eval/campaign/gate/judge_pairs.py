@@ -109,10 +109,11 @@ def rules_of(
         why = (
             f"{relative[0].text} needs one"
             if relative
-            else f"{option('update_baseline')} makes one, and {option('limits')} needs none"
+            else f"make one with {option('update_baseline')}; a fixed limit ({option('limits')}) "
+            "needs no baseline"
         )
         raise ConfigError(
-            f"{gate.prefix(pair.name)}no baseline: name it with "
+            f"{gate.prefix(pair.name)}no baseline: give one with "
             f"{option('baseline', metavar='FILE')}; {why}"
         )
     return rules
@@ -209,7 +210,7 @@ def judge_pairs(
         )
     if groups and not path:
         raise ConfigError(
-            f"no baseline: name it with {option('baseline', metavar='FILE')}; groups need one"
+            f"no baseline: give one with {option('baseline', metavar='FILE')}; groups need one"
         )
     rules = {
         pair.name: [replace(rule, warns=True) for rule in rules_of_pair if rule.absolute]

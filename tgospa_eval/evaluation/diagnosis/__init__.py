@@ -212,9 +212,9 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     """Describe the alignment of two sides: common steps, joined timestamps, rows left out."""
     rest = aligned.union - aligned.common
-    at = "objects at the other step count as missed or false"
+    at = "at the other, objects count as missed and tracks as false"
     if rest > 1:
-        at = f"objects at the other {rest:,} steps count as missed or false"
+        at = f"at the other {rest:,}, objects count as missed and tracks as false"
     costly = matching.grid == "union" and rest and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:

@@ -691,7 +691,8 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
 
 def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
-    steps, meaning = len(aligned.truth.times), "objects at other steps count as missed or false"
+    steps = len(aligned.truth.times)
+    meaning = "at other steps objects count as missed and tracks as false"
     if matching.grid == "common":  # timestamps of the lower rate may all be of the higher rate
         steps, meaning = min(len(side.times) for side in sides.read), "other steps are left out"
     if outages is not None and outages.counted:  # outages have their own warning
