@@ -34,13 +34,10 @@ Six is the first n for which this is below 0.05.
 """
 
 TIE = 1e-12
-"""Two sums of exchanged values count as equal if they differ by less than a tolerance.
-
-The tolerance is this share of the sum of all absolute values.
-"""
+"""Tolerance for equal sums of exchanged values, as a share of the sum of all absolute values."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Largest number of random values that are in memory at the same time."""
+"""Largest number of values that are computed at the same time, to limit the memory."""
 
 OF_INTERVALS = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
 """Columns with the confidence intervals of a group."""
@@ -92,9 +89,10 @@ def intervals(
 
 
 FEW_EVENTS = 10
-"""If fewer runs than this have a cost above 0, their share is used instead of the jackknife.
+"""Smallest number of runs with a cost above 0 for which intervals are those of the jackknife.
 
-The jackknife cannot estimate the spread of so few costs. It is still used if all runs have a cost.
+With fewer, intervals use the share of such runs: the jackknife cannot estimate the spread of so few
+costs. If all runs have a cost, the jackknife is always used.
 """
 
 

@@ -259,7 +259,7 @@ def _expected(
     """Return the number of jobs that each group would have if no job were missing.
 
     Jobs of two groups correspond if they have the same truth, the same parameters and the same
-    labels except those in `by`. The truths may differ if each group has only one truth. Groups are
+    labels except those in `by`. The truths can differ if each group has only one truth. Groups are
     similar if some of their jobs correspond, or if both are similar to a third group. A group
     should have every job that a similar group has.
 
@@ -295,7 +295,9 @@ def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
-    """Return the slices of each group that has some, added over its jobs, by index of the group.
+    """Return, by index of the group, its slices, with costs added over its jobs.
+
+    Groups without slices are left out.
 
     Parameters
     ----------
