@@ -440,7 +440,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Return the names of the runs, the truth of each run, and by name the estimates of each run.
+    """Return the names of the runs, the truth of each run, and for each estimate its data by run.
 
     If neither the truth nor an estimate consists of runs, there is one run with a blank name.
 

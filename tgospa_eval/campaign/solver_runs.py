@@ -88,7 +88,7 @@ def failed(solver: Solver, error: BaseException) -> Json:
 
 
 Run = tuple[Json, PairEvaluation | None]
-"""Record of a run, and its result; None if the run failed."""
+"""Record of a run, and its result. The result is None if the run failed."""
 
 
 def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None = None) -> Run:
@@ -150,7 +150,7 @@ def memory(field: str) -> int | None:
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
-    """Solve a small problem with each solver, as the first call of a solver takes longer."""
+    """Solve a small problem with each solver, because the first call of a solver takes longer."""
     rng = np.random.default_rng(0)
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     for solver in solvers:

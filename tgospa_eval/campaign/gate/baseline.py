@@ -436,7 +436,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """Return the expected form of values at these paths, all of them costs."""
+    """Return the expected form of values at these paths: costs or counts."""
     return nested(dict.fromkeys(paths, COST))
 
 

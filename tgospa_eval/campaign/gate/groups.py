@@ -15,7 +15,7 @@ misses is a jump, more than m + (n - m) / 4 is enough.
 All groups of a table are also judged together, as one more group. This shows small changes that
 all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
 limit fails in at most 1 - confidence of its gates, for any number of groups and rules. To this end
-p values are adjusted (Holm 1979, with weights). Each rule of a table has the same share of the
+p values are adjusted (Holm 1979, with weights). Each rule of each table has the same share of the
 error probability 1 - confidence. Of this share, `OF_ALL` belongs to the test of all groups
 together. Single groups share the rest equally. It is small, because jumps also find large changes
 of a single group.
@@ -286,7 +286,7 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
 
 
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
-    """Return notes about groups with so few runs that the test by seeds can never fail them.
+    """Return notes about groups with so few runs that the statistical test can never fail them.
 
     `labels` has the labels of the pairs by name. `nights` is the smallest number of nights of an
     entry of the baseline.
@@ -420,7 +420,7 @@ class Stratum:
     now : array, shape (m,)
         Values of the m new runs, in the order of `allowed` if `paired`.
     paired : bool
-        Whether the runs have the same seeds, in this order.
+        Whether the k-th new run has the same seed as the k-th limit, for each k.
     weight : float
         Weight in a sum with other strata.
     """

@@ -144,7 +144,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Check that options that belong to an update are given only with an update, and its file.
+    """Check that options of an update are given only for an update, and that it has a file.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """Return notes about groups with too few runs for the test by seeds."""
+    """Return notes about groups with too few runs for the statistical test."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 

@@ -285,7 +285,7 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return old and new value for each path at which two entries differ; names begin with `name`.
+    """Return old and new value for each path at which two entries differ; paths begin with `name`.
 
     The value of ``tgospa`` is its upper bound.
     """

@@ -195,7 +195,7 @@ def accept_title(report: Report) -> str:
 
 
 IN_NOISE = "in noise"
-"""Verdict on a group above its limit whose seeds may be the reason."""
+"""Verdict on a group above its limit whose seeds can be the reason."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
@@ -278,7 +278,7 @@ def _finite(value: float) -> float | None:
 
 
 def markdown(report: Report) -> str:
-    """Return the Markdown report, not longer than a comment on a pull request may be."""
+    """Return the Markdown report, short enough for a comment on a pull request."""
     return summary(report, COMMENT).decode()
 
 

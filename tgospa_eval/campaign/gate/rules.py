@@ -34,7 +34,10 @@ def is_beside(path: str) -> bool:
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""Values of classes: the ends of their paths. ``counts.missed`` is longer, so before ``missed``."""
+"""Values that single classes have, sorted by the length of their names.
+
+The longest come first, because a path that ends with ``counts.missed`` also ends with ``missed``.
+"""
 
 TOLERANCE = 1e-6
 """Tolerance of rules on values that are not proven; for costs, as a multiple of c^p."""
@@ -72,7 +75,7 @@ STATUS = {
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
     Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
-"""Exit status of each verdict; an error may have its own exit status."""
+"""Exit status of each verdict; an error can have its own exit status."""
 
 SEVERITY = (
     ExitStatus.REGRESSION,
@@ -116,7 +119,7 @@ class Value(Interval):
 
     @property
     def tolerance(self) -> float:
-        """Amount by which a limit may be exceeded."""
+        """Amount by which a value is allowed to exceed its limit."""
         return 0.0 if self.proven else TOLERANCE * self.unit
 
 
@@ -343,7 +346,7 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Parse all rules; a text may have several, with commas.
+    """Parse all rules; a text can have several, with commas between them.
 
     If `fail_on` is empty and `default` is true, the default rule is added.
 

@@ -254,7 +254,7 @@ def load_suite(
     path : str
         The TOML file.
     known : mapping of str to bool
-        Options that a suite may set, and whether each is a flag.
+        Options that a suite can set, and whether each is a flag.
     target : Target, optional
         Target from which the suite is read. If only the target has a file of a pair, the pair gets
         a fault.
@@ -328,7 +328,7 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """Return the groups that a table of a suite defines; some pair must have their labels."""
+    """Return the groups that a table of a suite defines; pairs must have their labels."""
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -379,7 +379,7 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """Yield the pairs of a table, one for each match of its patterns.
+    """Yield the pairs of a table: for each truth, one with each tracker or similar field.
 
     `common` has options and rules for all pairs. Notices of skipped files are added to `notices`.
     """
