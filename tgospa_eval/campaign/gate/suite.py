@@ -328,7 +328,10 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """Return the groups that a table of a suite defines; pairs must have their labels."""
+    """Return the groups that a table of a suite defines.
+
+    Each of their labels must be a label of some pair.
+    """
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -379,8 +382,10 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """Yield the pairs of a table: for each truth, one with each tracker or similar field.
+    """Yield the pairs of a table.
 
+    Each truth makes a pair with each combination of the fields that only estimates have, such as
+    ``{tracker}``.
     `common` has options and rules for all pairs. Notices of skipped files are added to `notices`.
     """
     _check(table, PAIR_KEYS, where)
