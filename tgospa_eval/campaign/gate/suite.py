@@ -385,8 +385,8 @@ def _pairs(
     """Yield the pairs of a table.
 
     Each truth makes a pair with each combination of the fields that only estimates have, such as
-    ``{tracker}``.
-    `common` has options and rules for all pairs. Notices of skipped files are added to `notices`.
+    ``{tracker}``. `common` has options and rules for all pairs. Notices of skipped files are added
+    to `notices`.
     """
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
