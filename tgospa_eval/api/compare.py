@@ -524,7 +524,7 @@ def solvers_on(
 ) -> Json:
     """Run several solvers on one pair, and return the JSON document of the comparison.
 
-    With `spare`, solvers of the exact linear programme are left out if that may take minutes.
+    With `spare`, the solver ``exact`` is left out if it may take minutes.
     """
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}

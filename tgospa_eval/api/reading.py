@@ -412,8 +412,8 @@ def _preprocessed(
 ) -> tuple[Reading, ...]:
     """Return both sides; with ``--preprocess``, without the rows that a benchmark leaves out.
 
-    If a metric of MOTChallenge is requested without ``--preprocess``, a warning says so if the
-    truth has such rows.
+    Without ``--preprocess``, a warning says if a metric of MOTChallenge is requested and the truth
+    has such rows.
 
     Raises
     ------
