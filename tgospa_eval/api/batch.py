@@ -74,8 +74,8 @@ FAULTS_SHOWN = 10
 """Largest number of faults that are shown."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
-"""Options that choose the evaluated steps. With one of them, the steps of a benchmark's layout do
-not count."""
+"""Options that choose the evaluated steps. With one of them, the steps that a benchmark declares
+are not used."""
 
 FLUSH, SHARE = 2.0, 0.01
 """Time between two writes of rows: `FLUSH` seconds, or the share `SHARE` of the time so far if that
@@ -363,7 +363,7 @@ def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
 def evaluate_batch(
     paths: tuple[str, ...], batch: BatchOptions, notify: Notify, plan: BatchPlan | None = None
 ) -> Batch:
-    """Evaluate the jobs that are not stored yet, and return all.
+    """Evaluate the jobs that are not stored yet, and return the result of all jobs.
 
     The jobs are those of `plan`, or by default those that `paths` and the options name.
 

@@ -152,8 +152,8 @@ def sweep(
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it; a value is repeated; or the number of the four parameters that are
-        sequences is not one.
+        `evaluate` raises it; a value is repeated; or none or several of the four parameters are
+        sequences.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,

@@ -123,7 +123,7 @@ class DistanceOptions:
     options : Request
         Values of the options.
     nees : bool
-        Whether covariances are read for NEES; then their options apply with any distance.
+        Whether NEES is requested. Then the options for covariances apply with any distance.
 
     Raises
     ------

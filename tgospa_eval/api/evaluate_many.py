@@ -171,8 +171,8 @@ def evaluate_many(
     ConfigError
         A parameter is out of range, or a name is unknown.
     InputError
-        A side is wrong, truth and estimate of a pair do not fit each other, or there are different
-        runs of truth and estimate.
+        A side is wrong, truth and estimate of a pair do not fit each other, or `truth` and
+        `estimate` have different runs.
     TypeError
         A keyword is unknown.
 

@@ -59,10 +59,10 @@ PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kin
 
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
-    """Return the options of a pair that are given somewhere, by the name of their field.
+    """Return the options that are given for a pair, by the names of their fields.
 
-    The following have priority over those before them: the `entry` of the baseline at `path`, the
-    settings file, the suite, and the command line with the environment.
+    They have four sources: the `entry` of the baseline at `path`, the settings file, the suite, and
+    the command line with the environment. Each source has priority over those before it.
     """
     inherited = dict(entry["options"]) if entry else {}
     for key in (key for key in PATHS_GIVEN if inherited.get(key)):

@@ -35,7 +35,7 @@ ASIDE = {"det", "img1", "seqmaps"}
 """Names of folders of MOTChallenge that have no tracks."""
 
 DEEP = 4
-"""Number of levels of folders and file in a search: train/MOT17-02/gt/gt.txt."""
+"""Number of levels of a search, with the file: 4 in train/MOT17-02/gt/gt.txt."""
 
 MAX_FILES = 10_000
 """Number of files after which a search ends."""
@@ -300,9 +300,9 @@ def _read(
     mapping: "Components | None",
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
-    """Read all sides by the same kind of columns; raise the errors of all sides together.
+    """Read all sides, and raise the errors of all sides together.
 
-    Columns of positions are the same for all. Heights are part of the states if both sides have
+    All are read by the same columns of positions. Heights are part of the states if both sides have
     them. Parameters are those of `read_pair`.
     """
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each

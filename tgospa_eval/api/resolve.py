@@ -1,4 +1,4 @@
-"""Check of options, and the answer in dataclasses: how to read both files, and what to evaluate."""
+"""Check of the options of an evaluation, which are then sorted into dataclasses."""
 
 import math
 from collections.abc import Iterable
@@ -377,7 +377,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
 
 def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
-    """Return `truth`, how to read it, with the columns that the rules of the benchmark need."""
+    """Add the columns that the rules of a benchmark need to `truth`, the options of its reading."""
     # lazy: few evaluations follow the rules of a benchmark
     from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, evaluated_class
 

@@ -127,7 +127,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot over time which tracks follow each true object, a lane per object, and false tracks.
+        """Plot a lane for each true object with the tracks that follow it, and for false tracks.
 
         A framed gap is a missed target, and a triangle is a switch. The darker lower part of a bar
         is the error as a share of the cutoff. If there are too many trajectories, only the
@@ -337,7 +337,7 @@ class Proof(PairProof):
 class Result(Showable, PairEvaluation):
     """Result of one evaluation.
 
-    Attributes have the names of the JSON document; a table is built when it is first read.
+    Attributes have the names of the JSON document; a table is built when it is read.
 
     Parameters
     ----------
@@ -345,9 +345,9 @@ class Result(Showable, PairEvaluation):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         `labels` has times and ids. `gap` is the largest relative gap between the bounds that counts
-        as exact. `settings` and `solver` have the options of the metric and of the solver, and
-        `timings` has seconds of stages. `input` has rows and digests of both files, and `version`
-        is that of this package.
+        as exact. `settings` has every option that changes the number. `solver` has the name, status
+        and progress of the solver, and `timings` has the seconds of each stage. `input` has rows
+        and digests of both files, and `version` is that of this package.
     source : pair of AlignedPair and EvaluationRequest, optional
         Data of the evaluation, and what was requested.
     assigned : mapping of str to (N,) float array

@@ -45,8 +45,8 @@ class Association(Pairing):
     first, second : Trajectories
         States of the first and of the second sensor, on the same time steps.
     pairs : Pairs
-        N pairs of states that were measured at the same step: those nearer than the cutoff, or all
-        if requested.
+        N pairs of states of the same step, whose distance was measured: those nearer than the
+        cutoff, or all if requested.
     apart : (N,) float array
         Distance between the means of the two states of each pair.
     chosen : (N,) bool array

@@ -132,7 +132,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         try:
             yield work.absolute()  # workers of a cluster have other current folders
             over = not interrupted()  # otherwise the result was not written
-        except InputError:  # work from before the first complete reading is of no use
+        except InputError:  # without a scan, the work is useless when the data are corrected
             over = not (work / SCANNED).exists()
             raise
         except MemoryTooSmallError:
